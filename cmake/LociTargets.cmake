@@ -1,0 +1,50 @@
+# Flags and helpers shared by all targets of this project.
+
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
+
+# Flags that our own targets share and that no user of the library inherits.
+add_library(loci_flags INTERFACE)
+target_compile_options(loci_flags INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
+  -Wold-style-cast -Woverloaded-virtual -Wdouble-promotion
+  -ffp-contract=off  # the same sum on every machine: replay must be bit-identical
+  $<$<CXX_COMPILER_ID:GNU>:-Wduplicated-cond -Wlogical-op>
+  $<$<CXX_COMPILER_ID:Clang>:-Wthread-safety>
+  $<$<BOOL:${LOCI_WERROR}>:-Werror>)
+if(LOCI_SANITIZE)
+  target_compile_options(loci_flags INTERFACE
+    -fsanitize=${LOCI_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  target_link_options(loci_flags INTERFACE -fsanitize=${LOCI_SANITIZE})
+endif()
+
+# loci_add_library(core SOURCES a.cc HEADERS a.h PUBLIC Eigen3::Eigen PRIVATE Ceres::ceres)
+# makes the static library loci::core, installs it with its headers and exports it.
+function(loci_add_library name)
+  cmake_parse_arguments(PARSE_ARGV 1 ARG "" "" "SOURCES;HEADERS;PUBLIC;PRIVATE")
+  add_library(loci_${name} STATIC ${ARG_SOURCES})
+  add_library(loci::${name} ALIAS loci_${name})
+  target_sources(loci_${name} PUBLIC FILE_SET HEADERS
+    BASE_DIRS ${PROJECT_SOURCE_DIR} FILES ${ARG_HEADERS})
+  target_compile_features(loci_${name} PUBLIC cxx_std_20)
+  set_target_properties(loci_${name} PROPERTIES
+    CXX_EXTENSIONS OFF EXPORT_NAME ${name} VERIFY_INTERFACE_HEADER_SETS ON)
+  target_link_libraries(loci_${name}
+    PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE} $<BUILD_INTERFACE:loci_flags>)
+  install(TARGETS loci_${name} EXPORT lociTargets
+    FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/loci)
+endfunction()
+
+# loci_add_test(core_mesh_tests LABELS unit SOURCES a_test.cc PRIVATE loci::core)
+# makes one test program and registers each of its tests with ctest.
+function(loci_add_test name)
+  cmake_parse_arguments(PARSE_ARGV 1 ARG "" "TIMEOUT" "LABELS;SOURCES;PRIVATE" )
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
+  target_link_libraries(${name} PRIVATE ${ARG_PRIVATE} loci_flags GTest::gmock GTest::gtest_main)
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
+  gtest_discover_tests(${name} TEST_PREFIX "" DISCOVERY_TIMEOUT 60
+    PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT})
+endfunction()

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decides, before an event is appended to the log, whether the map can apply it.
+//
+// Events wait in the log between being appended and being applied, so the engine's state is not
+// enough to decide: this class follows what was appended. The event log holds admitted events only;
+// therefore an event that is in the log can always be applied.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/base/ids.h"
+#include "core/base/status.h"
+#include "core/engine/event.h"
+
+namespace loci {
+
+// What admission knows of one session.
+struct AdmittedSession {
+  std::string session;
+  std::string robot;
+  Pose2 map_from_start;
+  std::uint64_t last_number = 0;  // of the last observation, accepted or refused; 0 for none
+  std::int64_t last_stamp_ns = 0;  // of the last accepted observation; meaningless if there is none
+  bool any_accepted = false;
+  bool open = true;
+};
+
+// Not thread-safe: the appender of a map owns it.
+class AdmissionControl {
+ public:
+  // Whether the event may be appended now. Errors: kInvalidArgument (ValidateEvent),
+  // kAlreadyExists, kNotFound (no such session), kFailedPrecondition (session closed; observation
+  // out of turn: number is not last_number + 1).
+  // An observation that is not newer than its session's last is kInvalidArgument too: the caller
+  // then appends a RefuseObservationEvent, which consumes its number.
+  Status Check(const Event& event) const;
+
+  // Follows an event that is being appended. It must have passed Check.
+  void Admit(const Event& event);
+
+  // Null if there is none. The position is the SessionId.
+  const AdmittedSession* Find(SessionId session) const;
+  const AdmittedSession* FindByName(const std::string& session, SessionId* id) const;
+
+ private:
+  bool created_ = false;
+  std::vector<AdmittedSession> sessions_;
+  std::map<std::string, SessionId> by_name_;
+};
+
+}  // namespace loci

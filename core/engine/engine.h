@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// The map engine: a deterministic state machine (design.md, section 3).
+//
+// The same events in the same order give the same state, bit for bit. No clock, no thread, no file:
+// what is to be done outside is returned as effects.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/base/hash.h"
+#include "core/base/ids.h"
+#include "core/base/status.h"
+#include "core/engine/event.h"
+#include "core/engine/snapshot.h"
+
+namespace loci {
+
+// What an event did, for those who watch. Not part of the state.
+struct Effects {
+  bool closure_accepted = false;   // the pose graph was optimised and everything moved
+  bool place_finished = false;
+};
+
+// A piece of state as checkpoints store it. (kind, id) names it; the bytes say the rest.
+struct StateRecord {
+  std::uint32_t kind = 0;
+  std::uint64_t id = 0;
+  std::string bytes;
+};
+
+// Counts for `map info`.
+struct EngineCounts {
+  std::uint64_t sessions = 0;
+  std::uint64_t places = 0;
+  std::uint64_t ltrs = 0;
+  std::uint64_t closures = 0;  // accepted
+};
+
+// One map. Not thread-safe: one thread applies events and takes snapshots.
+class Engine {
+ public:
+  Engine();  // the empty map: nothing applied, not even its creation
+  ~Engine();
+  Engine(Engine&&) noexcept;
+  Engine& operator=(Engine&&) noexcept;
+
+  // Applies the event with number last_event() + 1. It must have been admitted (AdmissionControl);
+  // one that was not is an error of ours and ends the process.
+  Effects Apply(const Event& event);
+
+  EventNumber last_event() const;
+
+  // Hash over all state in a defined order, without caches and publication counters. An engine
+  // without events has a digest too.
+  Digest StateDigest() const;
+
+  // The state for readers. Costs pointers, not cells.
+  std::shared_ptr<const Snapshot> TakeSnapshot();
+
+  EngineCounts Counts() const;
+
+  // Gives every record that changed after the event `since` (0: all records). Records are never
+  // deleted under their name except those listed by `removed`.
+  struct RecordChanges {
+    std::vector<StateRecord> written;
+    std::vector<std::pair<std::uint32_t, std::uint64_t>> removed;  // (kind, id)
+  };
+  RecordChanges ChangesSince(EventNumber since) const;
+
+  // An engine from all records of a checkpoint, in any order. kDataLoss if they do not fit together.
+  static StatusOr<Engine> FromRecords(const std::vector<StateRecord>& records);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace loci

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where maps live on disk: an event log, checkpoints, and their checksums.
+//
+// One interface, one driver per engine (storage/sqlite; PostgreSQL later), one conformance suite.
+// Nothing here knows what an event or a record means.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/base/ids.h"
+#include "core/base/status.h"
+#include "core/engine/engine.h"
+
+namespace loci {
+
+// One event as the log stores it. Numbers have no gaps.
+struct LogEntry {
+  EventNumber number;
+  std::string bytes;
+};
+
+// A state of the map at one event: what changed against the checkpoint before it.
+struct CheckpointChanges {
+  EventNumber last_event;
+  std::string state_digest;  // hexadecimal
+  std::vector<StateRecord> written;
+  std::vector<std::pair<std::uint32_t, std::uint64_t>> removed;  // (kind, id)
+};
+
+// A whole checkpoint, read back.
+struct Checkpoint {
+  EventNumber last_event;
+  std::string state_digest;
+  std::vector<StateRecord> records;
+};
+
+struct CheckpointInfo {
+  EventNumber last_event;
+  std::string state_digest;
+};
+
+// Bytes on disk, apart by what they are for. Their sum is near the size of the files.
+struct StoredBytes {
+  std::uint64_t map = 0;      // what follows area: places, LTRs, mesh, graph
+  std::uint64_t history = 0;  // what follows time: trajectories, sessions, closures
+  std::uint64_t log = 0;      // events not yet archived
+  std::uint64_t total = 0;    // of the files, write-ahead log included
+};
+
+// The store of one map. Thread-safe: one thread may append while another writes a checkpoint and
+// others read.
+class MapStore {
+ public:
+  virtual ~MapStore() = default;
+
+  // Appends entries, whose numbers follow the last one's. When it returns OK they are durable; on
+  // any error none of them is in the log (all or nothing), and the store can be used again.
+  // Errors: kResourceExhausted (the disk is full), kUnavailable (the disk failed; the map must be
+  // opened again), kFailedPrecondition (numbers do not follow).
+  virtual Status Append(std::span<const LogEntry> entries) = 0;
+
+  // Number of the last durable entry; 0 for none.
+  virtual EventNumber LastEvent() const = 0;
+
+  // Calls `visit` for each entry with a number above `after`, in order; stops at its first error.
+  // kDataLoss names the entry whose checksum is wrong, or the gap.
+  virtual Status ReadLog(EventNumber after,
+                         const std::function<Status(const LogEntry&)>& visit) const = 0;
+
+  // Writes a checkpoint in one transaction. The two newest checkpoints are kept, older ones and
+  // what only they needed are removed.
+  virtual Status WriteCheckpoint(const CheckpointChanges& changes) = 0;
+
+  // Checkpoints kept, oldest first.
+  virtual StatusOr<std::vector<CheckpointInfo>> ListCheckpoints() const = 0;
+  // kNotFound, or kDataLoss that names the record.
+  virtual StatusOr<Checkpoint> ReadCheckpoint(EventNumber last_event) const = 0;
+
+  // Removes log entries up to and including `last`, which no kept checkpoint needs.
+  virtual Status TrimLog(EventNumber last) = 0;
+
+  // Reads everything and checks every checksum and reference; kDataLoss names the first damage.
+  virtual Status CheckIntegrity() const = 0;
+
+  virtual StatusOr<StoredBytes> MeasureBytes() const = 0;
+};
+
+// All maps of one data directory. Thread-safe. Holds a lock on the directory: a second server on
+// the same directory is refused (kFailedPrecondition).
+class StoreDirectory {
+ public:
+  virtual ~StoreDirectory() = default;
+
+  // Names of all maps, sorted, damaged ones included.
+  virtual StatusOr<std::vector<std::string>> List() const = 0;
+  // kAlreadyExists; kResourceExhausted.
+  virtual StatusOr<std::unique_ptr<MapStore>> Create(const std::string& map) = 0;
+  // kNotFound; kDataLoss says what is damaged and what to do; kFailedPrecondition for a schema
+  // newer than this program.
+  virtual StatusOr<std::unique_ptr<MapStore>> Open(const std::string& map) = 0;
+  // The map must not be open.
+  virtual Status Delete(const std::string& map) = 0;
+};
+
+}  // namespace loci
