@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// The pose graph: nodes in the plane, relative constraints between them, and chi2.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "core/base/status.h"
+#include "core/geometry/se2.h"
+
+namespace loci {
+
+// A measured pose of node `to` in the frame of node `from`.
+//
+// Error: e = vector(Inverse(from_from_to) * (Inverse(map_from_from) * map_from_to)) in the order
+// (x, y, theta), theta wrapped: the error of g2o's EDGE_SE2, so that chi2 compares with others'.
+struct GraphConstraint {
+  std::uint32_t from = 0;
+  std::uint32_t to = 0;
+  Pose2 from_from_to;
+  Eigen::Matrix3d information =
+      Eigen::Matrix3d::Identity();  // (x, y, theta), positive semidefinite
+  bool robust = false;  // may be wrong (a closure): the optimiser's robust kernel applies to it
+};
+
+// A measured position of a point in the frame of a node.
+//
+// Error: e = Inverse(map_from_from) * point_in_map - point_in_from (g2o's EDGE_SE2_XY).
+struct PointConstraint {
+  std::uint32_t from = 0;   // index of a node
+  std::uint32_t point = 0;  // index of a point
+  Eigen::Vector2d point_in_from = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d information = Eigen::Matrix2d::Identity();
+  bool robust = false;
+};
+
+// Nodes, points and constraints. Any number of components.
+//
+// `fixed` says which nodes keep their pose; it may be shorter than the nodes, the rest is free.
+// Where a component has no fixed node, the optimisers hold its node with the lowest index.
+struct PoseGraph {
+  std::vector<Pose2> map_from_node;
+  std::vector<GraphConstraint> constraints;
+  std::vector<bool> fixed;
+  std::vector<Eigen::Vector2d> points_in_map;
+  std::vector<PointConstraint> point_constraints;
+
+  bool IsFixed(std::size_t node) const { return node < fixed.size() && fixed[node]; }
+};
+
+// The error vector of one constraint.
+Eigen::Vector3d ErrorOf(const PoseGraph& graph, const GraphConstraint& constraint);
+Eigen::Vector2d ErrorOf(const PoseGraph& graph, const PointConstraint& constraint);
+
+// e^T Omega e of one constraint.
+double Chi2Of(const PoseGraph& graph, const GraphConstraint& constraint);
+double Chi2Of(const PoseGraph& graph, const PointConstraint& constraint);
+
+// The sum over all constraints, in the order of their index; no kernel, no factor 1/2.
+double Chi2(const PoseGraph& graph);
+
+// kInvalidArgument, naming the constraint and the field, if an index is out of range, a constraint
+// joins a node to itself, a number is not finite, or an information is not symmetric (to 1e-6 of
+// its largest entry) positive semidefinite (no eigenvalue below -1e-9 of the largest).
+Status ValidateGraph(const PoseGraph& graph);
+
+// Puts constraints into the order (from, to, pose before point, measurement, information, robust),
+// so that the result of an optimisation does not depend on the order in which they arrived.
+void SortConstraints(PoseGraph& graph);
+
+// Component of each node and, after them, of each point: numbered from 0 by their lowest node.
+// Points without a constraint are components of their own.
+struct GraphComponents {
+  std::vector<std::uint32_t> of_node;
+  std::vector<std::uint32_t> of_point;
+  std::uint32_t count = 0;
+};
+GraphComponents FindComponents(const PoseGraph& graph);
+
+// The nodes that an optimiser holds: those that are fixed, and the lowest of each component that
+// has none. As long as the nodes.
+std::vector<bool> HeldNodes(const PoseGraph& graph);
+
+}  // namespace loci

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Robust kernels: how much a constraint may pull that does not fit.
+#pragma once
+
+#include <cstdint>
+
+namespace loci {
+
+// rho(s) of s = e^T Omega e. Below the width it is nearly s; above, it grows slower.
+struct RobustKernel {
+  enum class Shape : std::uint8_t {
+    kNone,    // rho(s) = s
+    kHuber,   // 2 w sqrt(s) - w^2 above w: an outlier pulls with a constant force
+    kCauchy,  // w^2 log(1 + s / w^2): an outlier's pull falls to 0
+  };
+  Shape shape = Shape::kNone;
+  double width_sigmas = 1.0;  // w, > 0; where e is about w standard deviations
+
+  double Rho(double chi2) const;
+  double Weight(double chi2) const;  // the derivative of rho, in (0, 1]
+};
+
+}  // namespace loci

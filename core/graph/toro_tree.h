@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// The spanning tree of a pose graph, which parameterises its nodes for gradient descent.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/graph/pose_graph.h"
+
+namespace loci {
+
+// A forest: held nodes are roots, and every other node hangs below the node through which a
+// breadth-first search from the roots found it. A pose is the product of the relative poses along
+// the path from its root: the tree parameterisation of Grisetti et al. 2007 (section IV).
+struct ToroTree {
+  static constexpr std::uint32_t kNone = 0xFFFFFFFFU;
+
+  std::vector<std::uint32_t> parent;  // kNone for roots
+  std::vector<std::uint32_t> depth;   // 0 for roots
+  std::vector<std::uint32_t>
+      parent_constraint;             // which joins the node to its parent; kNone for roots
+  std::vector<std::uint32_t> order;  // of the search: every parent stands before its children
+};
+
+// The breadth-first tree over the pose constraints of `graph`: roots in the order of their index,
+// neighbours in the order of their constraints.
+ToroTree BreadthFirstTree(const PoseGraph& graph);
+
+// The poses that follow from the roots' by composing the constraints along the tree: a start
+// without the drift of odometry. Points are placed by their first constraint.
+void PlaceByTree(const ToroTree& tree, PoseGraph& graph);
+
+// Places every point by its first constraint, from the nodes' present poses.
+void PlacePoints(PoseGraph& graph);
+
+}  // namespace loci
