@@ -34,8 +34,9 @@ struct MapStatus {
   double last_closure_ms = 0.0;  // wall time of the event that last accepted a closure
 };
 
-// Zoom of the tiles that a change names: 12.8 m a side (design.md, section 6).
-inline constexpr std::uint32_t kDirtyTileZoom = 4;
+// Zoom of the tiles that a change names: 12.8 m a side, about the reach of a scan (design.md,
+// section 6: z = 8 is 0.05 m per pixel).
+inline constexpr std::uint32_t kDirtyTileZoom = 8;
 
 // A tile at kDirtyTileZoom. Its parents and children are dirty too.
 struct DirtyTile {

@@ -14,6 +14,7 @@
 #include "core/base/ids.h"
 #include "core/base/status.h"
 #include "core/engine/event.h"
+#include "core/engine/snapshot.h"
 
 namespace loci {
 
@@ -31,6 +32,11 @@ struct AdmittedSession {
 // Not thread-safe: the appender of a map owns it.
 class AdmissionControl {
  public:
+  // For an empty log.
+  AdmissionControl() = default;
+  // For a log whose last event is the snapshot's revision.
+  static AdmissionControl FromSnapshot(const Snapshot& snapshot);
+
   // Whether the event may be appended now. Errors: kInvalidArgument (ValidateEvent),
   // kAlreadyExists, kNotFound (no such session), kFailedPrecondition (session closed; observation
   // out of turn: number is not last_number + 1).

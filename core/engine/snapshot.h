@@ -49,6 +49,7 @@ struct SessionSnapshot {
   SessionId id;
   std::string session;
   std::string robot;
+  Pose2 map_from_start;  // as the session was opened
   bool open = true;
   std::uint64_t accepted_count = 0;
   std::uint64_t refused_count = 0;
