@@ -23,7 +23,7 @@ struct AdmittedSession {
   std::string session;
   std::string robot;
   Pose2 map_from_start;
-  std::uint64_t last_number = 0;  // of the last observation, accepted or refused; 0 for none
+  std::uint64_t last_number = 0;   // of the last observation, accepted or refused; 0 for none
   std::int64_t last_stamp_ns = 0;  // of the last accepted observation; meaningless if there is none
   bool any_accepted = false;
   bool open = true;
@@ -47,11 +47,27 @@ class AdmissionControl {
   // Follows an event that is being appended. It must have passed Check.
   void Admit(const Event& event);
 
-  // Null if there is none. The position is the SessionId.
+  // Goes on from a map that was recovered from a checkpoint: it is created and has these sessions,
+  // by SessionId.
+  void Restore(std::vector<AdmittedSession> sessions);
+
+  // Null if there is none. `id` may be null.
   const AdmittedSession* Find(SessionId session) const;
   const AdmittedSession* FindByName(const std::string& session, SessionId* id) const;
 
  private:
+  Status CheckInMap(const CreateMapEvent& event) const;
+  Status CheckInMap(const OpenSessionEvent& event) const;
+  Status CheckInMap(const ObservationEvent& event) const;
+  Status CheckInMap(const RefuseObservationEvent& event) const;
+  Status CheckInMap(const CloseSessionEvent& event) const;
+  void AdmitAlternative(const CreateMapEvent& event);
+  void AdmitAlternative(const OpenSessionEvent& event);
+  void AdmitAlternative(const ObservationEvent& event);
+  void AdmitAlternative(const RefuseObservationEvent& event);
+  void AdmitAlternative(const CloseSessionEvent& event);
+  AdmittedSession& OpenSessionAt(SessionId id);
+
   bool created_ = false;
   std::vector<AdmittedSession> sessions_;
   std::map<std::string, SessionId> by_name_;

@@ -2,9 +2,11 @@
 // Events: all that a map is ever told, and the only cause of change.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <variant>
 
 #include <Eigen/Core>
@@ -91,14 +93,16 @@ void Fields(Archive& archive, CloseSessionEvent& event) {
   archive(event.session);
 }
 
-// The bytes of an event as the log stores them: the alternative's index, then its fields.
+// The bytes of an event as the log stores them: a version, the alternative's index, its fields.
 std::string EncodeEvent(const Event& event);
 // kDataLoss if the bytes are not those of an event.
 StatusOr<Event> DecodeEvent(std::string_view bytes);
 
 // Checks everything about an event that can be wrong by itself: names, finite numbers, bounds,
-// positive definite covariances, geometry of the scan. kInvalidArgument names the field, starting
-// with `field` (for example "observations[3]"). What depends on the map is AdmissionControl's.
+// positive definite covariances, geometry of the scan. Angles of poses must be in [-pi, pi]: who
+// takes angles from outside wraps them first. kInvalidArgument names the field, starting with
+// `field` (for example "observations[3]"; may be empty). What depends on the map is
+// AdmissionControl's.
 Status ValidateEvent(const Event& event, std::string_view field);
 
 }  // namespace loci

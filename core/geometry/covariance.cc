@@ -41,14 +41,23 @@ Covariance3 Covariance3::FromSigmas(double sigma_x_m, double sigma_y_m, double s
   return Covariance3(sigmas.cwiseAbs2().asDiagonal());
 }
 
-Eigen::Matrix3d Covariance3::Information() const { return Symmetrized(matrix_.inverse()); }
+Eigen::Matrix3d Covariance3::Information() const {
+  return Symmetrized(matrix_.inverse());
+}
+
+Eigen::Matrix3d SymmetricFromUpper(const std::array<double, 6>& upper) {
+  const auto [xx, xy, xt, yy, yt, tt] = upper;
+  Eigen::Matrix3d matrix;
+  matrix << xx, xy, xt, xy, yy, yt, xt, yt, tt;
+  return matrix;
+}
 
 Covariance3 Compound(const Covariance3& a_from_b_covariance,
                      const Pose2& b_from_c,
                      const Covariance3& b_from_c_covariance) {
   const Eigen::Matrix3d adjoint = Adjoint(Inverse(b_from_c));
-  const Eigen::Matrix3d sum = adjoint * a_from_b_covariance.matrix() * adjoint.transpose() +
-                              b_from_c_covariance.matrix();
+  const Eigen::Matrix3d sum =
+      adjoint * a_from_b_covariance.matrix() * adjoint.transpose() + b_from_c_covariance.matrix();
   StatusOr<Covariance3> compounded = Covariance3::FromMatrix(Symmetrized(sum), "compounded");
   LOCI_CHECK(compounded.ok());
   return *compounded;

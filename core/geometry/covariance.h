@@ -2,6 +2,7 @@
 // Covariance of a pose in the plane.
 #pragma once
 
+#include <array>
 #include <string_view>
 
 #include <Eigen/Core>
@@ -30,6 +31,9 @@ class Covariance3 {
   explicit Covariance3(const Eigen::Matrix3d& matrix) : matrix_(matrix) {}
   Eigen::Matrix3d matrix_;
 };
+
+// The symmetric matrix whose upper triangle, row by row, is given.
+Eigen::Matrix3d SymmetricFromUpper(const std::array<double, 6>& upper);
 
 // Covariance of a_from_c = a_from_b * b_from_c with independent errors, to first order.
 Covariance3 Compound(const Covariance3& a_from_b_covariance,
