@@ -13,6 +13,7 @@
 
 #include "core/base/hash.h"
 #include "core/base/ids.h"
+#include "core/base/state_record.h"
 #include "core/base/status.h"
 #include "core/engine/event.h"
 #include "core/engine/snapshot.h"
@@ -23,13 +24,6 @@ namespace loci {
 struct Effects {
   bool closure_accepted = false;   // the pose graph was optimised and everything moved
   bool place_finished = false;
-};
-
-// A piece of state as checkpoints store it. (kind, id) names it; the bytes say the rest.
-struct StateRecord {
-  std::uint32_t kind = 0;
-  std::uint64_t id = 0;
-  std::string bytes;
 };
 
 // Counts for `map info`.
