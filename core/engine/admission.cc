@@ -26,13 +26,21 @@ StatusOr<const AdmittedSession*> CheckTurn(const AdmittedSession* session,
 
 }  // namespace
 
-void AdmissionControl::Restore(std::vector<AdmittedSession> sessions) {
-  created_ = true;
-  sessions_ = std::move(sessions);
-  by_name_.clear();
-  for (std::size_t i = 0; i < sessions_.size(); ++i) {
-    by_name_[sessions_[i].session] = SessionId{static_cast<std::uint32_t>(i)};
+AdmissionControl AdmissionControl::FromSnapshot(const Snapshot& snapshot) {
+  AdmissionControl admission;
+  admission.created_ = snapshot.revision.value >= 1;
+  for (const SessionSnapshot& session : snapshot.sessions) {
+    const SessionId id{static_cast<std::uint32_t>(admission.sessions_.size())};
+    LOCI_CHECK(session.id == id && admission.by_name_.emplace(session.session, id).second);
+    admission.sessions_.push_back({.session = session.session,
+                                   .robot = session.robot,
+                                   .map_from_start = session.map_from_start,
+                                   .last_number = session.last_number,
+                                   .last_stamp_ns = session.last_stamp_ns,
+                                   .any_accepted = session.accepted_count > 0,
+                                   .open = session.open});
   }
+  return admission;
 }
 
 Status AdmissionControl::Check(const Event& event) const {

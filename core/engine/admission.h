@@ -47,10 +47,6 @@ class AdmissionControl {
   // Follows an event that is being appended. It must have passed Check.
   void Admit(const Event& event);
 
-  // Goes on from a map that was recovered from a checkpoint: it is created and has these sessions,
-  // by SessionId.
-  void Restore(std::vector<AdmittedSession> sessions);
-
   // Null if there is none. `id` may be null.
   const AdmittedSession* Find(SessionId session) const;
   const AdmittedSession* FindByName(const std::string& session, SessionId* id) const;

@@ -89,15 +89,31 @@ TEST(AdmissionTest, WhatIsWrongByItselfIsRefusedBeforeTheMapIsAsked) {
   EXPECT_THAT(admission.Check(event), IsStatus(StatusCode::kInvalidArgument, "stamp_ns: -1"));
 }
 
-TEST(AdmissionTest, GoesOnFromRestoredSessionsAsIfItHadSeenThem) {
-  AdmissionControl seen = WithOneSession();
-  seen.Admit(ValidObservation(1));
-  AdmissionControl restored;
-  restored.Restore({*seen.Find(SessionId{0})});
-  EXPECT_THAT(restored.Check(CreateMapEvent{}), IsStatus(StatusCode::kAlreadyExists));
-  EXPECT_THAT(restored.Check(ValidOpenSession("first")), IsStatus(StatusCode::kAlreadyExists));
-  EXPECT_THAT(restored.Check(ValidObservation(1)), IsStatus(StatusCode::kFailedPrecondition));
-  EXPECT_THAT(restored.Check(ValidObservation(2)), IsOk());
+TEST(AdmissionTest, GoesOnFromASnapshotAsIfItHadSeenTheEvents) {
+  Snapshot snapshot;
+  snapshot.revision = {3};
+  SessionSnapshot session;
+  session.session = "first";
+  session.robot = "robot_1";
+  session.map_from_start = ValidOpenSession().map_from_start;
+  session.accepted_count = 1;
+  session.last_number = 1;
+  session.last_stamp_ns = ValidObservation(1).stamp_ns;
+  snapshot.sessions.push_back(session);
+  const AdmissionControl admission = AdmissionControl::FromSnapshot(snapshot);
+  EXPECT_THAT(admission.Check(CreateMapEvent{}), IsStatus(StatusCode::kAlreadyExists));
+  EXPECT_THAT(admission.Check(ValidOpenSession("first")), IsStatus(StatusCode::kAlreadyExists));
+  EXPECT_THAT(admission.Check(ValidObservation(1)), IsStatus(StatusCode::kFailedPrecondition));
+  ObservationEvent late = ValidObservation(2);
+  late.stamp_ns = session.last_stamp_ns;
+  EXPECT_THAT(admission.Check(late), IsStatus(StatusCode::kInvalidArgument, "stamp_ns"));
+  EXPECT_THAT(admission.Check(ValidObservation(2)), IsOk());
+  EXPECT_EQ(admission.Find(SessionId{0})->map_from_start, session.map_from_start);
+}
+
+TEST(AdmissionTest, TheSnapshotOfAnEmptyLogStillHasToBeCreated) {
+  const AdmissionControl admission = AdmissionControl::FromSnapshot(Snapshot{});
+  EXPECT_THAT(admission.Check(CreateMapEvent{}), IsOk());
 }
 
 }  // namespace
