@@ -11,6 +11,7 @@
 #include "core/base/ids.h"
 #include "core/base/status.h"
 #include "core/engine/snapshot.h"
+#include "core/tile/zoom.h"
 
 namespace loci {
 
@@ -24,7 +25,7 @@ enum class MapState : std::uint8_t {
 struct MapStatus {
   std::string map;
   MapState state = MapState::kRecovering;
-  std::string problem;                     // empty unless kRefused
+  std::string problem;  // why it is refused, or takes no writes; empty if all is well
   std::shared_ptr<const Snapshot> newest;  // null unless kServing
   std::uint64_t last_event = 0;            // last durable event
   std::uint64_t events_waiting = 0;        // durable, not yet applied
@@ -34,24 +35,15 @@ struct MapStatus {
   double last_closure_ms = 0.0;  // wall time of the event that last accepted a closure
 };
 
-// Zoom of the tiles that a change names: 12.8 m a side, about the reach of a scan (design.md,
-// section 6: z = 8 is 0.05 m per pixel).
-inline constexpr std::uint32_t kDirtyTileZoom = 8;
-
-// A tile at kDirtyTileZoom. Its parents and children are dirty too.
-struct DirtyTile {
-  std::int32_t x = 0;
-  std::int32_t y = 0;
-  friend auto operator<=>(const DirtyTile&, const DirtyTile&) = default;
-};
-
 // One published revision and how it differs from the one published before it.
 struct RevisionChange {
   std::string map;
   std::shared_ptr<const Snapshot> snapshot;  // never null
   bool everything_moved = false;             // a closure was accepted; dirty_tiles is then empty
-  std::vector<DirtyTile> dirty_tiles;        // in order, each once
+  std::vector<TileAddress> dirty_tiles;      // at kDirtyTileZoom, each once; their parents and
+                                             // children are dirty too
   std::vector<SessionId> sessions;           // those that changed, in order
+  bool ended = false;  // the last call: the map was deleted, or the server stops
 };
 
 // Keeps a callback subscribed. After its destructor returned, the callback does not run any more.

@@ -5,6 +5,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "core/base/name.h"
 #include "core/engine/event.h"
 
 namespace loci {
@@ -24,7 +25,6 @@ constexpr double kEigenvalueMax = 1e6;
 constexpr double kAngleStepMinRad = 1e-5;
 // Logs round their angle step; over a full turn of 4096 beams this allows 2.4e-6 rad each.
 constexpr double kScanSpanMaxRad = 2.0 * kPi + 0.01;
-constexpr std::size_t kNameSizeMax = 64;
 constexpr std::size_t kReasonSizeMax = 1000;
 
 std::string Text(double value) {
@@ -54,23 +54,6 @@ Status CheckPose(const Pose2& pose, double coordinate_max_m, const std::string& 
   LOCI_RETURN_IF_ERROR(CheckBetween(pose.x, -coordinate_max_m, coordinate_max_m, field + ".x"));
   LOCI_RETURN_IF_ERROR(CheckBetween(pose.y, -coordinate_max_m, coordinate_max_m, field + ".y"));
   return CheckBetween(pose.theta, -kPi, kPi, field + ".theta");
-}
-
-Status CheckName(const std::string& name, const std::string& field) {
-  bool valid = !name.empty() && name.size() <= kNameSizeMax;
-  for (const char c : name) {
-    valid = valid && ((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '-');
-  }
-  if (valid) {
-    return {};
-  }
-  // The name may hold anything: what is shown is short and printable.
-  std::string shown = name.substr(0, kNameSizeMax);
-  for (char& c : shown) {
-    c = c >= ' ' && c <= '~' ? c : '?';
-  }
-  return InvalidArgumentError(field + ": \"" + shown + "\" (" + std::to_string(name.size()) +
-                              " bytes), must match [a-z0-9_-]{1,64}");
 }
 
 Status CheckNumber(std::uint64_t number, std::string_view field) {
@@ -127,8 +110,8 @@ Status Check(const CreateMapEvent& event, std::string_view field) {
 }
 
 Status Check(const OpenSessionEvent& event, std::string_view field) {
-  LOCI_RETURN_IF_ERROR(CheckName(event.session, Join(field, "session")));
-  LOCI_RETURN_IF_ERROR(CheckName(event.robot, Join(field, "robot")));
+  LOCI_RETURN_IF_ERROR(ValidateName(event.session, Join(field, "session")));
+  LOCI_RETURN_IF_ERROR(ValidateName(event.robot, Join(field, "robot")));
   return CheckPose(event.map_from_start, kCoordinateMaxM, Join(field, "map_from_start"));
 }
 

@@ -18,8 +18,8 @@ inline constexpr double kTileSideAtZoom0M = 256.0 * 12.8;  // metres; every leve
 inline constexpr int kZoomMax = 24;
 inline constexpr std::int32_t kTileIndexLimit = 1 << 24;  // |x|, |y| lie below
 
-// Zoom of the dirty tiles that watchers are told: 204.8 m to a side.
-inline constexpr int kDirtyTileZoom = 4;
+// Zoom of the dirty tiles that watchers are told: 12.8 m to a side, less than the reach of a scan.
+inline constexpr int kDirtyTileZoom = 8;
 
 // Tile (0, 0) has its lower left corner at the map's origin; x grows right, y grows up.
 struct TileAddress {

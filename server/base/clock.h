@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Time for the server's own purposes (deadlines, intervals, ages): never for a map's state.
+// Time as the server sees it: handed in, so that tests own it.
 #pragma once
 
 #include <atomic>
@@ -7,32 +7,31 @@
 
 namespace loci {
 
-// A clock that never goes back and is not set by anyone. Thread-safe.
+using TimePoint = std::chrono::steady_clock::time_point;
+using Duration = std::chrono::steady_clock::duration;
+
+// A clock that never goes back. Any thread may call.
 class Clock {
  public:
-  using Duration = std::chrono::nanoseconds;
-  using Time = std::chrono::time_point<Clock, Duration>;  // since an arbitrary start
-
-  Clock() = default;
-  Clock(const Clock&) = delete;
-  Clock& operator=(const Clock&) = delete;
   virtual ~Clock() = default;
-  virtual Time Now() const = 0;
+  virtual TimePoint Now() const = 0;
 };
 
-class SystemClock final : public Clock {
+// The machine's.
+class SteadyClock : public Clock {
  public:
-  Time Now() const override { return Time(std::chrono::steady_clock::now().time_since_epoch()); }
+  TimePoint Now() const override { return std::chrono::steady_clock::now(); }
 };
 
-// A clock for tests: stands still until it is moved.
-class ManualClock final : public Clock {
+// Stands still until a test moves it.
+class ManualClock : public Clock {
  public:
-  Time Now() const override { return Time(Duration(now_ns_.load())); }
-  void Advance(Duration duration) { now_ns_ += duration.count(); }
+  TimePoint Now() const override { return TimePoint(Duration(since_start_.load())); }
+  void Advance(Duration duration) { since_start_.fetch_add(duration.count()); }
 
  private:
-  std::atomic<Duration::rep> now_ns_{0};
+  // Not at the epoch, so that "some time ago" does not fall before the first instant.
+  std::atomic<Duration::rep> since_start_{Duration(std::chrono::hours(1)).count()};
 };
 
 }  // namespace loci
