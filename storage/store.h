@@ -10,6 +10,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/base/ids.h"
@@ -17,6 +18,10 @@
 #include "core/engine/engine.h"
 
 namespace loci {
+
+// Far above anything that the engine makes; a defence against running out of memory.
+inline constexpr std::uint64_t kEntrySizeMax = 16U << 20U;
+inline constexpr std::uint64_t kRecordSizeMax = 256U << 20U;
 
 // One event as the log stores it. Numbers have no gaps.
 struct LogEntry {
@@ -58,22 +63,29 @@ class MapStore {
  public:
   virtual ~MapStore() = default;
 
-  // Appends entries, whose numbers follow the last one's. When it returns OK they are durable; on
-  // any error none of them is in the log (all or nothing), and the store can be used again.
-  // Errors: kResourceExhausted (the disk is full), kUnavailable (the disk failed; the map must be
-  // opened again), kFailedPrecondition (numbers do not follow).
+  // Appends entries, whose numbers follow the last one's, all or none. When it returns OK they are
+  // durable; on an error none of them is in the log and the store can be used again, except after
+  // kUnavailable: then nothing more is written until the map is opened again, and only LastEvent()
+  // of the map opened again tells whether they are in the log.
+  // Errors: kResourceExhausted (the disk is full), kUnavailable (the disk failed),
+  // kFailedPrecondition (numbers do not follow), kInvalidArgument (an entry above kEntrySizeMax).
   virtual Status Append(std::span<const LogEntry> entries) = 0;
 
   // Number of the last durable entry; 0 for none.
   virtual EventNumber LastEvent() const = 0;
 
-  // Calls `visit` for each entry with a number above `after`, in order; stops at its first error.
-  // kDataLoss names the entry whose checksum is wrong, or the gap.
+  // Calls `visit` for each entry with a number above `after`, in order, up to the last one at the
+  // time of the call; stops at its first error. `visit` may use the store.
+  // kDataLoss names the entry whose checksum is wrong, or the gap; kOutOfRange if entries above
+  // `after` have been trimmed.
   virtual Status ReadLog(EventNumber after,
                          const std::function<Status(const LogEntry&)>& visit) const = 0;
 
-  // Writes a checkpoint in one transaction. The two newest checkpoints are kept, older ones and
-  // what only they needed are removed.
+  // Writes a checkpoint: it is there as a whole or not at all. The two newest checkpoints are
+  // kept, older ones and what only they needed are removed. A removed record that was never stored
+  // is passed over. Appends are let through in between.
+  // Errors: as Append; kFailedPrecondition if last_event is not above the newest checkpoint's, or
+  // above LastEvent(); kInvalidArgument if a record is given twice or is above kRecordSizeMax.
   virtual Status WriteCheckpoint(const CheckpointChanges& changes) = 0;
 
   // Checkpoints kept, oldest first.
@@ -81,7 +93,8 @@ class MapStore {
   // kNotFound, or kDataLoss that names the record.
   virtual StatusOr<Checkpoint> ReadCheckpoint(EventNumber last_event) const = 0;
 
-  // Removes log entries up to and including `last`, which no kept checkpoint needs.
+  // Removes log entries up to and including `last`, which no kept checkpoint needs: `last` above
+  // the oldest one's last event is kFailedPrecondition. Appends are let through in between.
   virtual Status TrimLog(EventNumber last) = 0;
 
   // Reads everything and checks every checksum and reference; kDataLoss names the first damage.
@@ -98,12 +111,12 @@ class StoreDirectory {
 
   // Names of all maps, sorted, damaged ones included.
   virtual StatusOr<std::vector<std::string>> List() const = 0;
-  // kAlreadyExists; kResourceExhausted.
+  // kInvalidArgument (names are [a-z0-9_-]{1,64}); kAlreadyExists; kResourceExhausted.
   virtual StatusOr<std::unique_ptr<MapStore>> Create(const std::string& map) = 0;
   // kNotFound; kDataLoss says what is damaged and what to do; kFailedPrecondition for a schema
-  // newer than this program.
+  // newer than this program, or if the map is open already.
   virtual StatusOr<std::unique_ptr<MapStore>> Open(const std::string& map) = 0;
-  // The map must not be open.
+  // kNotFound; kFailedPrecondition while the map is open. Damaged maps can be deleted.
   virtual Status Delete(const std::string& map) = 0;
 };
 
