@@ -22,7 +22,7 @@ namespace loci {
 
 // What an event did, for those who watch. Not part of the state.
 struct Effects {
-  bool closure_accepted = false;   // the pose graph was optimised and everything moved
+  bool closure_accepted = false;  // the pose graph was optimised and everything moved
   bool place_finished = false;
 };
 
@@ -64,12 +64,16 @@ class Engine {
     std::vector<std::pair<std::uint32_t, std::uint64_t>> removed;  // (kind, id)
   };
   RecordChanges ChangesSince(EventNumber since) const;
+  // Nobody will ask for changes since an event before `event` any more: drops the bookkeeping.
+  void ForgetChangesUpTo(EventNumber event);
 
-  // An engine from all records of a checkpoint, in any order. kDataLoss if they do not fit together.
+  // An engine from all records of a checkpoint, in any order. kDataLoss if they do not fit
+  // together.
   static StatusOr<Engine> FromRecords(const std::vector<StateRecord>& records);
 
+  struct State;  // core/engine/state.h
+
  private:
-  struct State;
   std::unique_ptr<State> state_;
 };
 

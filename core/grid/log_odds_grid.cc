@@ -41,12 +41,12 @@ void LogOddsGrid::Grow(CellIndex block) {
                                             static_cast<std::size_t>(rows));
   for (std::int32_t row = 0; row < rows_; ++row) {
     for (std::int32_t column = 0; column < columns_; ++column) {
-      const std::size_t to = static_cast<std::size_t>(row + first_.y - low.y) *
-                                 static_cast<std::size_t>(columns) +
-                             static_cast<std::size_t>(column + first_.x - low.x);
-      grown[to] = std::move(blocks_[static_cast<std::size_t>(row) *
-                                        static_cast<std::size_t>(columns_) +
-                                    static_cast<std::size_t>(column)]);
+      const std::size_t to =
+          static_cast<std::size_t>(row + first_.y - low.y) * static_cast<std::size_t>(columns) +
+          static_cast<std::size_t>(column + first_.x - low.x);
+      grown[to] =
+          std::move(blocks_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+                            static_cast<std::size_t>(column)]);
     }
   }
   first_ = low;

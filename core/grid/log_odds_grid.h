@@ -20,7 +20,8 @@ inline constexpr double kLogOddsPerUnit = 0.04;
 inline constexpr int kPlaceLogOddsMax = 50;
 inline constexpr int kLtrLogOddsMax = 100;
 
-// Index of a cell: its lower left corner is (x, y) * cell_size in the grid's frame. May be negative.
+// Index of a cell: its lower left corner is (x, y) * cell_size in the grid's frame. May be
+// negative.
 struct CellIndex {
   std::int32_t x = 0;
   std::int32_t y = 0;

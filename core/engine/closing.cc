@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: Apache-2.0
+// Loop closing: candidates, acceptance, optimisation (design.md, sections 4.9 and 4.10).
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/LU>
+
+#include "core/base/random.h"
+#include "core/closure/consistency.h"
+#include "core/engine/state.h"
+#include "core/graph/optimize.h"
+#include "core/graph/sparse_optimizer.h"
+
+namespace loci {
+namespace {
+
+// Origins of overlapping places are no further apart than this, plus the doubt about where they
+// are.
+constexpr double kCandidateDistanceM = 10.0;
+constexpr double kLargeCorrectionM = 1.0;  // test 5
+constexpr double kWitnessDistanceM = 3.0;  // test 5: "from another place at least 3 m away"
+constexpr std::uint64_t kStageClosure = 2;
+
+RobustKernel ClosureKernel() {
+  return {RobustKernel::Shape::kCauchy, 3.0};
+}
+
+Pose2 RelativePose(const Engine::State& state, PlaceId from, PlaceId to);
+
+GraphCovariance CovarianceOfGraph(const Engine::State& state) {
+  StatusOr<GraphCovariance> covariance = GraphCovariance::Compute(state.graph, ClosureKernel());
+  LOCI_CHECK(covariance.ok());  // every place is tied to the one before it
+  return std::move(covariance).value();
+}
+
+Pose2 RelativePose(const Engine::State& state, PlaceId from, PlaceId to) {
+  return Inverse(state.graph.map_from_node[from.value]) * state.graph.map_from_node[to.value];
+}
+
+UncertainPose2 RelativeEstimate(const Engine::State& state,
+                                GraphCovariance& covariance,
+                                PlaceId from,
+                                PlaceId to) {
+  return {RelativePose(state, from, to), covariance.Relative(from.value, to.value)};
+}
+
+UncertainPose2 MeasurementOf(const ClosureSnapshot& closure) {
+  return {closure.from_from_to, closure.covariance};
+}
+
+// Test 5, second half: does `other` say the same as `closure`, by way of the graph between their
+// ends? In a loop of four, the covariances of the two short sides count too.
+bool Agree(const Engine::State& state,
+           GraphCovariance& covariance,
+           const ClosureSnapshot& closure,
+           const ClosureSnapshot& other) {
+  if (RelativePose(state, closure.to, other.to).translation().norm() < kWitnessDistanceM ||
+      closure.to == other.to) {
+    return false;
+  }
+  const UncertainPose2 predicted =
+      Compose(Compose(RelativeEstimate(state, covariance, other.from, closure.from),
+                      MeasurementOf(closure)),
+              RelativeEstimate(state, covariance, closure.to, other.to));
+  return Chi2Between(predicted, MeasurementOf(other)) <= kChi2At99;
+}
+
+// Whether the closure moves the map further than what the graph believes possible, or than a metre.
+bool IsLargeCorrection(const Engine::State& state,
+                       GraphCovariance& covariance,
+                       const ClosureSnapshot& closure) {
+  if (closure.correction_m > kLargeCorrectionM) {
+    return true;
+  }
+  const UncertainPose2 estimate = RelativeEstimate(state, covariance, closure.from, closure.to);
+  return Chi2Between(estimate, MeasurementOf(closure)) > kChi2At3Sigma;
+}
+
+double CorrectionM(const Engine::State& state, const ClosureSnapshot& closure) {
+  return (Inverse(RelativePose(state, closure.from, closure.to)) * closure.from_from_to)
+      .translation()
+      .norm();
+}
+
+void AddToGraph(ClosureSnapshot& closure, Engine::State& state) {
+  closure.state = ClosureState::kAccepted;
+  closure.reason.clear();
+  const Eigen::Matrix3d information = closure.covariance.inverse();
+  state.graph.constraints.push_back({closure.from.value,
+                                     closure.to.value,
+                                     closure.from_from_to,
+                                     0.5 * (information + information.transpose()),
+                                     true});
+  state.constraint_info.push_back({true, closure.id});
+}
+
+void Optimize(Engine::State& state) {
+  OptimizeOptions options;
+  options.sparse.kernel = ClosureKernel();
+  const StatusOr<OptimizationSummary> summary = OptimizeGraph(state.graph, options);
+  LOCI_CHECK(summary.ok());
+  state.chi2 = Chi2(state.graph);
+}
+
+// Test 6: takes the closure that fits worst out of the graph, if it fits worse than chance allows.
+bool RejectWorst(Engine::State& state) {
+  std::size_t worst = 0;
+  double worst_chi2 = kChi2At999;
+  for (std::size_t i = 0; i < state.graph.constraints.size(); ++i) {
+    if (!state.constraint_info[i].is_closure) {
+      continue;
+    }
+    const double chi2 = Chi2Of(state.graph, state.graph.constraints[i]);
+    state.closures[state.constraint_info[i].closure.value].chi2 = chi2;
+    if (chi2 > worst_chi2) {
+      worst_chi2 = chi2;
+      worst = i;
+    }
+  }
+  if (worst_chi2 <= kChi2At999) {
+    return false;
+  }
+  ClosureSnapshot& closure = state.closures[state.constraint_info[worst].closure.value];
+  closure.state = ClosureState::kRejected;
+  closure.reason = "does not fit the optimised graph";
+  state.graph.constraints.erase(state.graph.constraints.begin() +
+                                static_cast<std::ptrdiff_t>(worst));
+  state.constraint_info.erase(state.constraint_info.begin() + static_cast<std::ptrdiff_t>(worst));
+  return true;
+}
+
+// Accepts what tests 5 lets pass; returns true if anything was accepted.
+bool AcceptProvisional(Engine::State& state) {
+  GraphCovariance covariance = CovarianceOfGraph(state);
+  std::vector<ClosureId> accepted;
+  for (ClosureSnapshot& closure : state.closures) {
+    if (closure.state != ClosureState::kProvisional) {
+      continue;
+    }
+    closure.correction_m = CorrectionM(state, closure);
+    if (!IsLargeCorrection(state, covariance, closure)) {
+      accepted.push_back(closure.id);
+      continue;
+    }
+    for (const ClosureSnapshot& other : state.closures) {
+      if (other.id < closure.id && other.state == ClosureState::kProvisional &&
+          Agree(state, covariance, closure, other)) {
+        accepted.push_back(closure.id);
+        accepted.push_back(other.id);
+      }
+    }
+  }
+  for (const ClosureId id : accepted) {
+    ClosureSnapshot& closure = state.closures[id.value];
+    if (closure.state == ClosureState::kProvisional) {
+      AddToGraph(closure, state);
+    }
+  }
+  return !accepted.empty();
+}
+
+// All candidates of a place have been looked at: decides about what was found. Returns true if the
+// graph moved.
+bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
+  if (batch.found.empty()) {
+    return false;
+  }
+  for (ClosureSnapshot& found : batch.found) {
+    found.id = ClosureId{static_cast<std::uint32_t>(state.closures.size())};
+    state.closures.push_back(std::move(found));
+  }
+  state.closures_changed_by = state.last_event;
+  state.closures_snapshot.reset();
+  bool moved = false;
+  // What was provisional may be plain once others are in: until nothing more is accepted.
+  while (AcceptProvisional(state)) {
+    Optimize(state);
+    while (RejectWorst(state)) {
+      Optimize(state);
+    }
+    moved = true;
+  }
+  if (moved) {
+    state.graph_changed_by = state.last_event;
+    state.constraints_snapshot.reset();
+    state.mesh->MovePlaces(state.graph.map_from_node);
+  }
+  return moved;
+}
+
+void TryCandidate(PlaceId from, ClosureBatch& batch, Engine::State& state) {
+  const Place& older = state.places[from.value];
+  const Place& newer = state.places[batch.place.value];
+  GraphCovariance covariance = CovarianceOfGraph(state);
+  const UncertainPose2 estimate = RelativeEstimate(state, covariance, from, batch.place);
+  const std::uint64_t seed =
+      SeedOf(state.settings, newer.session, MixBits(from.value) ^ batch.place.value, kStageClosure);
+  const std::optional<PlaceMatch> match =
+      MatchPlaces(older, newer, {estimate.pose, estimate.covariance}, ClosureLimits(), seed);
+  if (!match.has_value() || match->agreement.hausdorff_fraction < 0.5) {
+    return;  // not alike: nothing worth listing
+  }
+  ClosureSnapshot closure;
+  closure.from = from;
+  closure.to = batch.place;
+  closure.from_from_to = match->from_from_to;
+  closure.covariance = match->covariance.matrix();
+  closure.hausdorff_fraction = match->agreement.hausdorff_fraction;
+  closure.overlap_m2 = match->agreement.overlap_m2;
+  closure.free_conflict_fraction = match->agreement.free_conflict_fraction;
+  closure.second_peak_ratio = match->second_peak_ratio;
+  closure.reason = match->reason;
+  closure.state = match->reason.empty() ? ClosureState::kProvisional : ClosureState::kRejected;
+  closure.correction_m = CorrectionM(state, closure);
+  if (match->reason.empty()) {
+    closure.reason = "waits for a second closure that agrees";
+  }
+  batch.found.push_back(std::move(closure));
+}
+
+}  // namespace
+
+void BeginClosureBatch(PlaceId place, Engine::State& state) {
+  ClosureBatch batch;
+  batch.place = place;
+  const SessionId session = state.places[place.value].session;
+  GraphCovariance covariance = CovarianceOfGraph(state);
+  std::vector<std::pair<double, PlaceId>> nearest;
+  for (const Place& other : state.places) {
+    const bool is_neighbour = other.session == session && other.id.value + 1 == place.value;
+    if (!other.finished || other.id >= place || is_neighbour) {
+      continue;
+    }
+    const double distance_m = RelativePose(state, other.id, place).translation().norm();
+    if (distance_m > kCandidateDistanceM + 3.0 * ClosureLimits().window_max_m) {
+      continue;
+    }
+    const Eigen::Matrix3d doubt = covariance.Relative(other.id.value, place.value);
+    const double reach_m = std::min(3.0 * std::sqrt(doubt.topLeftCorner<2, 2>().trace()),
+                                    ClosureLimits().window_max_m);
+    if (distance_m <= kCandidateDistanceM + reach_m) {
+      nearest.emplace_back(distance_m, other.id);
+    }
+  }
+  std::sort(nearest.begin(), nearest.end());
+  for (const auto& [distance_m, id] : nearest) {
+    batch.candidates.push_back(id);
+  }
+  state.sessions[session.value].batches.push_back(std::move(batch));
+}
+
+bool WorkOnClosures(SessionId session, std::uint32_t units, Engine::State& state) {
+  std::vector<ClosureBatch>& batches = state.sessions[session.value].batches;
+  bool moved = false;
+  while (!batches.empty() && units > 0) {
+    ClosureBatch& batch = batches.front();
+    if (batch.next < batch.candidates.size()) {
+      TryCandidate(batch.candidates[batch.next], batch, state);
+      ++batch.next;
+      --units;
+    }
+    if (batch.next == batch.candidates.size()) {
+      moved = FinishBatch(batch, state) || moved;
+      batches.erase(batches.begin());
+    }
+  }
+  return moved;
+}
+
+}  // namespace loci
