@@ -104,5 +104,7 @@ StatusOr<Event> DecodeEvent(std::string_view bytes);
 // `field` (for example "observations[3]"; may be empty). What depends on the map is
 // AdmissionControl's.
 Status ValidateEvent(const Event& event, std::string_view field);
+// The same, without the copy that making an Event of it takes.
+Status ValidateObservation(const ObservationEvent& event, std::string_view field);
 
 }  // namespace loci

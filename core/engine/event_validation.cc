@@ -146,4 +146,8 @@ Status ValidateEvent(const Event& event, std::string_view field) {
   return std::visit([field](const auto& alternative) { return Check(alternative, field); }, event);
 }
 
+Status ValidateObservation(const ObservationEvent& event, std::string_view field) {
+  return Check(event, field);
+}
+
 }  // namespace loci
