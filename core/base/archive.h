@@ -3,7 +3,8 @@
 // for reading and for the state digest.
 //
 // A type T takes part by a function found beside it:
-//   template <typename Archive> void Fields(Archive& archive, T& value) { archive(value.a, value.b); }
+//   template <typename Archive> void Fields(Archive& archive, T& value) { archive(value.a,
+//   value.b); }
 // Fields are visited in order. Numbers have a fixed size; vectors and strings carry their length.
 #pragma once
 
@@ -57,9 +58,11 @@ class BinaryReader {
   template <typename... Ts>
   void operator()(Ts&... values);
 
-  // A length read from the bytes, of elements of at least `element_size_bytes` each; 0 after failure.
+  // A length read from the bytes, of elements of at least `element_size_bytes` each; 0 after
+  // failure.
   std::size_t ReadCount(std::size_t element_size_bytes);
   void Fail() { failed_ = true; }
+  bool failed() const { return failed_; }
   // OK if everything was read, nothing was missing and nothing is left over.
   Status Finish(std::string_view what) const;
 

@@ -10,19 +10,9 @@
 #include <Eigen/Core>
 
 #include "core/base/ids.h"
-#include "core/grid/log_odds_grid.h"
+#include "core/layer/ltr_texture.h"
 
 namespace loci {
-
-// What one LTR shows of one layer: cells in the triangle's affine frame.
-//
-// Cell (column, row) covers u in [column, column + 1) / column_count and v likewise; only cells
-// that touch the simplex u + v <= 1 are meaningful. Row-major, v outermost.
-struct LtrTexture {
-  std::int32_t column_count = 0;  // along u: from the first to the second vertex
-  std::int32_t row_count = 0;     // along v: from the first to the third vertex
-  std::vector<LogOdds8> cells;    // clamp(base + contributions); kUnobserved where nothing was seen
-};
 
 struct LtrSnapshot {
   std::array<VertexId, 3> vertices;             // counter-clockwise when it is served
