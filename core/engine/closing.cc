@@ -21,16 +21,9 @@ constexpr double kLargeCorrectionM = 1.0;  // test 5
 constexpr double kWitnessDistanceM = 3.0;  // test 5: "from another place at least 3 m away"
 constexpr std::uint64_t kStageClosure = 2;
 
+// Closures may be wrong: beyond three sigma they pull less and less.
 RobustKernel ClosureKernel() {
   return {RobustKernel::Shape::kCauchy, 3.0};
-}
-
-Pose2 RelativePose(const Engine::State& state, PlaceId from, PlaceId to);
-
-GraphCovariance CovarianceOfGraph(const Engine::State& state) {
-  StatusOr<GraphCovariance> covariance = GraphCovariance::Compute(state.graph, ClosureKernel());
-  LOCI_CHECK(covariance.ok());  // every place is tied to the one before it
-  return std::move(covariance).value();
 }
 
 Pose2 RelativePose(const Engine::State& state, PlaceId from, PlaceId to) {
@@ -100,6 +93,7 @@ void Optimize(Engine::State& state) {
   const StatusOr<OptimizationSummary> summary = OptimizeGraph(state.graph, options);
   LOCI_CHECK(summary.ok());
   state.chi2 = Chi2(state.graph);
+  MarkGraphChanged(state);
 }
 
 // Test 6: takes the closure that fits worst out of the graph, if it fits worse than chance allows.
@@ -131,7 +125,7 @@ bool RejectWorst(Engine::State& state) {
 
 // Accepts what tests 5 lets pass; returns true if anything was accepted.
 bool AcceptProvisional(Engine::State& state) {
-  GraphCovariance covariance = CovarianceOfGraph(state);
+  GraphCovariance& covariance = CovarianceOfGraph(state);
   std::vector<ClosureId> accepted;
   for (ClosureSnapshot& closure : state.closures) {
     if (closure.state != ClosureState::kProvisional) {
@@ -181,8 +175,6 @@ bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
     moved = true;
   }
   if (moved) {
-    state.graph_changed_by = state.last_event;
-    state.constraints_snapshot.reset();
     state.mesh->MovePlaces(state.graph.map_from_node);
   }
   return moved;
@@ -191,7 +183,7 @@ bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
 void TryCandidate(PlaceId from, ClosureBatch& batch, Engine::State& state) {
   const Place& older = state.places[from.value];
   const Place& newer = state.places[batch.place.value];
-  GraphCovariance covariance = CovarianceOfGraph(state);
+  GraphCovariance& covariance = CovarianceOfGraph(state);
   const UncertainPose2 estimate = RelativeEstimate(state, covariance, from, batch.place);
   const std::uint64_t seed =
       SeedOf(state.settings, newer.session, MixBits(from.value) ^ batch.place.value, kStageClosure);
@@ -220,11 +212,26 @@ void TryCandidate(PlaceId from, ClosureBatch& batch, Engine::State& state) {
 
 }  // namespace
 
+void MarkGraphChanged(Engine::State& state) {
+  state.graph_changed_by = state.last_event;
+  state.constraints_snapshot.reset();
+  state.covariance.reset();
+}
+
+GraphCovariance& CovarianceOfGraph(Engine::State& state) {
+  if (!state.covariance.has_value()) {
+    StatusOr<GraphCovariance> computed = GraphCovariance::Compute(state.graph, ClosureKernel());
+    LOCI_CHECK(computed.ok());  // every place is tied to the one before it
+    state.covariance = std::move(computed).value();
+  }
+  return *state.covariance;
+}
+
 void BeginClosureBatch(PlaceId place, Engine::State& state) {
   ClosureBatch batch;
   batch.place = place;
   const SessionId session = state.places[place.value].session;
-  GraphCovariance covariance = CovarianceOfGraph(state);
+  GraphCovariance& covariance = CovarianceOfGraph(state);
   std::vector<std::pair<double, PlaceId>> nearest;
   for (const Place& other : state.places) {
     const bool is_neighbour = other.session == session && other.id.value + 1 == place.value;

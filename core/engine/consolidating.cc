@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "core/engine/state.h"
-#include "core/graph/sparse_optimizer.h"
 
 namespace loci {
 namespace {
@@ -45,21 +44,14 @@ bool HasDirectConstraint(PlaceId a, PlaceId b, const Engine::State& state) {
 }
 
 // Condition (a): tied to the host of every vertex under the footprint.
-bool IsTied(const Place& place, const Engine::State& state) {
+bool IsTied(const Place& place, Engine::State& state) {
   const std::vector<PlaceId> hosts =
       state.mesh->HostsUnder(place.stationary, state.graph.map_from_node[place.id.value]);
-  std::optional<GraphCovariance> covariance;
   for (const PlaceId host : hosts) {
     if (host == place.id || HasDirectConstraint(host, place.id, state)) {
       continue;
     }
-    if (!covariance.has_value()) {
-      StatusOr<GraphCovariance> computed =
-          GraphCovariance::Compute(state.graph, {RobustKernel::Shape::kCauchy, 3.0});
-      LOCI_CHECK(computed.ok());
-      covariance = std::move(computed).value();
-    }
-    const Eigen::Matrix3d relative = covariance->Relative(host.value, place.id.value);
+    const Eigen::Matrix3d relative = CovarianceOfGraph(state).Relative(host.value, place.id.value);
     if (relative.topLeftCorner<2, 2>().trace() > 2.0 * kTiedSigmaM * kTiedSigmaM ||
         relative(2, 2) > kTiedSigmaRad * kTiedSigmaRad) {
       return false;

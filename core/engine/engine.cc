@@ -40,8 +40,7 @@ Place& AddPlace(SessionId session, const Pose2& map_from_place, Engine::State& s
   place.changed_by = state.last_event;
   state.graph.map_from_node.push_back(map_from_place);
   state.graph.fixed.push_back(place.id.value == 0);  // the origin of the map, for ever
-  state.graph_changed_by = state.last_event;
-  state.constraints_snapshot.reset();
+  MarkGraphChanged(state);
   ++state.sessions[session.value].place_count;
   return place;
 }
@@ -54,6 +53,7 @@ void Tie(PlaceId from,
   state.graph.constraints.push_back(
       {from.value, to.value, from_from_to, covariance.Information(), false});
   state.constraint_info.push_back({false, {}});
+  MarkGraphChanged(state);
 }
 
 void FinishPlace(PlaceId id, Engine::State& state) {

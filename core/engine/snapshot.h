@@ -84,15 +84,15 @@ struct ClosureSnapshot {
   PlaceId from;
   PlaceId to;
   ClosureState state = ClosureState::kProvisional;
-  Pose2 from_from_to;              // measured
-  Eigen::Matrix3d covariance;      // of from_from_to: (x, y, theta), right perturbation
-  double hausdorff_fraction = 0.0; // test 2
-  double overlap_m2 = 0.0;         // test 2
+  Pose2 from_from_to;                   // measured
+  Eigen::Matrix3d covariance;           // of from_from_to: (x, y, theta), right perturbation
+  double hausdorff_fraction = 0.0;      // test 2
+  double overlap_m2 = 0.0;              // test 2
   double free_conflict_fraction = 0.0;  // test 3
-  double second_peak_ratio = 0.0;  // test 4
-  double correction_m = 0.0;       // test 5
-  double chi2 = 0.0;               // test 6
-  std::string reason;              // why it is not accepted; empty if it is
+  double second_peak_ratio = 0.0;       // test 4
+  double correction_m = 0.0;            // test 5
+  double chi2 = 0.0;                    // test 6
+  std::string reason;                   // why it is not accepted; empty if it is
 };
 
 // An edge of the pose graph, for those who want to see it.
@@ -108,12 +108,12 @@ struct ConstraintSnapshot {
 struct Snapshot {
   Revision revision;
   MapSettings settings;
-  std::vector<SessionSnapshot> sessions;        // by SessionId
-  std::vector<PlaceSnapshot> places;            // by PlaceId
-  std::vector<OverlaySnapshot> overlays;        // in order of PlaceId
-  std::shared_ptr<const MeshSnapshot> mesh;     // never null
-  std::shared_ptr<const std::vector<ClosureSnapshot>> closures;       // never null
-  std::shared_ptr<const std::vector<ConstraintSnapshot>> constraints; // never null
+  std::vector<SessionSnapshot> sessions;                               // by SessionId
+  std::vector<PlaceSnapshot> places;                                   // by PlaceId
+  std::vector<OverlaySnapshot> overlays;                               // in order of PlaceId
+  std::shared_ptr<const MeshSnapshot> mesh;                            // never null
+  std::shared_ptr<const std::vector<ClosureSnapshot>> closures;        // never null
+  std::shared_ptr<const std::vector<ConstraintSnapshot>> constraints;  // never null
   CellsWritten cells_written;
   std::uint32_t closures_accepted = 0;
   double chi2 = 0.0;  // of the pose graph

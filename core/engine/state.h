@@ -11,6 +11,7 @@
 #include "core/closure/place_match.h"
 #include "core/engine/engine.h"
 #include "core/graph/pose_graph.h"
+#include "core/graph/sparse_optimizer.h"
 #include "core/mesh/mesh.h"
 #include "core/place/place.h"
 #include "core/place/track.h"
@@ -71,6 +72,9 @@ struct Engine::State {
   std::vector<PlaceId> consolidation_queue;
   std::optional<Mesh> mesh;  // from the map's creation on
 
+  // Cache: covariances of the graph as it is; none after the graph changed.
+  std::optional<GraphCovariance> covariance;
+
   // Bookkeeping for checkpoints and snapshots, not state.
   EventNumber graph_changed_by;
   EventNumber closures_changed_by;
@@ -83,6 +87,11 @@ std::uint64_t SeedOf(const MapSettings& settings,
                      SessionId session,
                      std::uint64_t number,
                      std::uint64_t stage);
+
+// The graph changed by the present event: caches of it are void.
+void MarkGraphChanged(Engine::State& state);
+// Covariances of the present graph.
+GraphCovariance& CovarianceOfGraph(Engine::State& state);
 
 // core/engine/closing.cc: looks for closures of a place that was just finished.
 void BeginClosureBatch(PlaceId place, Engine::State& state);

@@ -15,11 +15,8 @@ constexpr std::int32_t kReachCells = 3;
 // The weight of a mean falls with its distance d as (1 - d^2 / R^2)^3, which is close to a Gaussian
 // of sigma 0.08 m and needs no exponential.
 constexpr double kReachSquaredM2 = 6.0 * 0.08 * 0.08;
-// More hits say no more about where a surface is.
-constexpr double kCountMax = 5.0;
 constexpr double kWeightMin = 0.5;  // below, the neighbourhood is too empty for a line
 constexpr int kFirstGateSteps = 3;
-constexpr double kStepMinM = 1e-5;
 
 struct LocalLine {
   bool found = false;
@@ -40,28 +37,21 @@ struct Moments {
 Moments MomentsAround(const Eigen::Vector2d& point, const Patch& patch) {
   Moments m;
   const CellIndex center = CellOf(point, patch.cell_size_m());
-  for (std::int32_t dy = -kReachCells; dy <= kReachCells; ++dy) {
-    for (std::int32_t dx = -kReachCells; dx <= kReachCells; ++dx) {
-      const std::int32_t index = patch.Find({center.x + dx, center.y + dy});
-      if (index < 0) {
-        continue;
-      }
-      const PatchCell& cell = patch.cells()[static_cast<std::size_t>(index)];
-      const Eigen::Vector2d offset = cell.Mean() - point;
-      const double nearness = 1.0 - offset.squaredNorm() / kReachSquaredM2;
-      if (nearness <= 0.0) {
-        continue;
-      }
-      const double count = std::min(static_cast<double>(cell.hits), kCountMax);
-      const double weight = count * nearness * nearness * nearness;
-      m.weight += weight;
-      m.x += weight * offset.x();
-      m.y += weight * offset.y();
-      m.xx += weight * offset.x() * offset.x();
-      m.xy += weight * offset.x() * offset.y();
-      m.yy += weight * offset.y() * offset.y();
+  patch.VisitSquare(center, kReachCells, [&](const PatchPoint& other) {
+    const double x = other.x_m - point.x();
+    const double y = other.y_m - point.y();
+    const double nearness = 1.0 - (x * x + y * y) * (1.0 / kReachSquaredM2);
+    if (nearness <= 0.0) {
+      return;
     }
-  }
+    const double weight = other.weight * nearness * nearness * nearness;
+    m.weight += weight;
+    m.x += weight * x;
+    m.y += weight * y;
+    m.xx += weight * x * x;
+    m.xy += weight * x * y;
+    m.yy += weight * y * y;
+  });
   return m;
 }
 
@@ -151,7 +141,7 @@ Registration RegisterToLines(std::span<const Eigen::Vector2d> points_in_robot,
     result.inlier_count = sum.inlier_count;
     result.mean_residual_m =
         sum.inlier_count == 0 ? 0.0 : sum.residual_sum_m / static_cast<double>(sum.inlier_count);
-    if (step > kFirstGateSteps && xi.cwiseAbs().maxCoeff() < kStepMinM) {
+    if (step > kFirstGateSteps && xi.cwiseAbs().maxCoeff() < options.step_min) {
       break;
     }
   }

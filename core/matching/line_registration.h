@@ -13,6 +13,8 @@ namespace loci {
 
 struct RegistrationOptions {
   int iterations_max = 12;
+  // A step that moves nothing by more than this (m, rad) is the last.
+  double step_min = 1e-5;
   // Points further than this from their line take no part; the second gate applies from the fourth
   // step on, when the first ones have taken out the search's error.
   double first_gate_m = 0.2;

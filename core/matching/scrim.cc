@@ -15,6 +15,9 @@ namespace {
 // which is all that is asked of it.
 constexpr std::size_t kPointsPerSample = 90;
 constexpr int kIterations = 8;
+constexpr double kSampleStepMin = 1e-3;  // a tenth of the floor
+// A registration that leaps further than this has lost its lines: it says nothing about the pose.
+constexpr double kLeapM = 1.0;
 constexpr double kFloorTranslationM = 0.01;
 constexpr double kFloorThetaRad = 0.003;
 
@@ -44,14 +47,23 @@ Covariance3 SampleMatchCovariance(std::span<const Eigen::Vector2d> points_in_rob
   std::vector<Sample> samples;
   RegistrationOptions registration;
   registration.iterations_max = kIterations;
+  registration.step_min = kSampleStepMin;
   for (int i = 0; i < options.sample_count; ++i) {
     const double x = random.NextUniform(-options.half_translation_m, options.half_translation_m);
     const double y = random.NextUniform(-options.half_translation_m, options.half_translation_m);
     const double theta = random.NextUniform(-options.half_theta_rad, options.half_theta_rad);
     const Pose2 start = patch_from_robot * Pose2{x, y, theta};
     const Registration result = RegisterToLines(points, start, patch, registration);
+    const Pose2 moved = Inverse(start) * result.patch_from_robot;
+    if (moved.translation().norm() > kLeapM) {
+      continue;
+    }
     samples.push_back({Log(Inverse(patch_from_robot) * result.patch_from_robot),
                        CorrelationAt(points, result.patch_from_robot, grid)});
+  }
+  if (samples.empty()) {
+    return Covariance3::FromSigmas(
+        options.half_translation_m, options.half_translation_m, options.half_theta_rad);
   }
   std::vector<double> correlations;
   for (const Sample& sample : samples) {

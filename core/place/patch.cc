@@ -16,6 +16,7 @@ bool Patch::Add(const Eigen::Vector2d& point_in_place, PatchContent content) {
   if (is_new) {
     slot = static_cast<std::int32_t>(cells_.size());
     cells_.push_back({.cell = index});
+    points_.emplace_back();
   }
   PatchCell& cell = cells_[static_cast<std::size_t>(slot)];
   cell.sum_x_m += point_in_place.x();
@@ -24,7 +25,15 @@ bool Patch::Add(const Eigen::Vector2d& point_in_place, PatchContent content) {
   if (content == PatchContent::kOwn) {
     ++cell.own_hits;
   }
+  UpdatePoint(static_cast<std::size_t>(slot));
   return is_new;
+}
+
+void Patch::UpdatePoint(std::size_t index) {
+  const PatchCell& cell = cells_[index];
+  const Eigen::Vector2d mean = cell.Mean();
+  points_[index] = {
+      mean.x(), mean.y(), std::min(static_cast<double>(cell.hits), PatchPoint::kWeightMax)};
 }
 
 std::vector<Eigen::Vector2d> Patch::Means(std::uint32_t hits_min) const {
@@ -88,6 +97,7 @@ bool Patch::RebuildLookup() {
   columns_ = 0;
   rows_ = 0;
   lookup_.clear();
+  points_.assign(cells_.size(), {});
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     const PatchCell& cell = cells_[i];
     // A patch reaches a few hundred metres at most; further is damage and must not allocate.
@@ -103,6 +113,7 @@ bool Patch::RebuildLookup() {
       return false;
     }
     slot = static_cast<std::int32_t>(i);
+    UpdatePoint(i);
   }
   return true;
 }

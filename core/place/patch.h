@@ -2,6 +2,7 @@
 // What a place keeps of its laser: one mean below the cell size for each occupied cell.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -33,6 +34,16 @@ void Fields(Archive& archive, PatchCell& cell) {
   archive(cell.hits, cell.own_hits, cell.misses);
 }
 
+// What registration needs of a cell: its mean, and how much that counts.
+struct PatchPoint {
+  double x_m = 0.0;
+  double y_m = 0.0;
+  // The number of hits, at most kWeightMax: more say no more about where a surface is.
+  double weight = 0.0;
+
+  static constexpr double kWeightMax = 5.0;
+};
+
 // Whether points are the place's own view or were handed over from the place before.
 enum class PatchContent : std::uint8_t { kOwn, kReference };
 
@@ -52,17 +63,14 @@ class Patch {
 
   // Position in cells(), or -1.
   std::int32_t Find(CellIndex cell) const {
-    const std::int32_t column = (cell.x >> kBits) - first_.x;
-    const std::int32_t row = (cell.y >> kBits) - first_.y;
-    if (column < 0 || row < 0 || column >= columns_ || row >= rows_) {
-      return -1;
-    }
-    const LookupBlock* block =
-        lookup_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
-                static_cast<std::size_t>(column)]
-            .get();
+    const LookupBlock* block = FindLookupBlock(cell.x >> kBits, cell.y >> kBits);
     return block == nullptr ? -1 : (*block)[OffsetOf(cell)];
   }
+
+  // Calls `visit(const PatchPoint&)` for each occupied cell at most `reach` cells from
+  // `center` in x and in y, row by row.
+  template <typename Visitor>
+  void VisitSquare(CellIndex center, std::int32_t reach, Visitor&& visit) const;
 
   // Means of the cells that were hit at least `hits_min` times, in order of first observation.
   std::vector<Eigen::Vector2d> Means(std::uint32_t hits_min) const;
@@ -78,7 +86,7 @@ class Patch {
   }
 
  private:
-  static constexpr std::int32_t kBits = 5;
+  static constexpr std::int32_t kBits = 4;
   static constexpr std::int32_t kSide = 1 << kBits;
   using LookupBlock = std::array<std::int32_t, kSide * kSide>;
 
@@ -87,15 +95,49 @@ class Patch {
   }
   std::int32_t& LookupSlot(CellIndex cell);
   void GrowLookup(CellIndex block);
+  // Of a block of the lookup, null where no cell is occupied.
+  const LookupBlock* FindLookupBlock(std::int32_t x, std::int32_t y) const {
+    const std::int32_t column = x - first_.x;
+    const std::int32_t row = y - first_.y;
+    if (column < 0 || row < 0 || column >= columns_ || row >= rows_) {
+      return nullptr;
+    }
+    return lookup_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+                   static_cast<std::size_t>(column)]
+        .get();
+  }
+  void UpdatePoint(std::size_t index);
   // False if the cells cannot be those of a patch.
   bool RebuildLookup();
 
   double cell_size_m_;
   std::vector<PatchCell> cells_;
-  CellIndex first_;  // block of lookup_[0]
+  std::vector<PatchPoint> points_;  // cache: one for each cell
+  CellIndex first_;                 // block of lookup_[0]
   std::int32_t columns_ = 0;
   std::int32_t rows_ = 0;
   std::vector<std::unique_ptr<LookupBlock>> lookup_;
 };
+
+template <typename Visitor>
+void Patch::VisitSquare(CellIndex center, std::int32_t reach, Visitor&& visit) const {
+  const std::int32_t x_last = center.x + reach;
+  for (std::int32_t y = center.y - reach; y <= center.y + reach; ++y) {
+    for (std::int32_t x = center.x - reach; x <= x_last;) {
+      const std::int32_t x_end = std::min(x_last + 1, ((x >> kBits) + 1) << kBits);
+      const LookupBlock* block = FindLookupBlock(x >> kBits, y >> kBits);
+      if (block == nullptr) {
+        x = x_end;
+        continue;
+      }
+      const std::int32_t* slots = block->data() + OffsetOf({x, y});
+      for (; x < x_end; ++x, ++slots) {
+        if (*slots >= 0) {
+          visit(points_[static_cast<std::size_t>(*slots)]);
+        }
+      }
+    }
+  }
+}
 
 }  // namespace loci
