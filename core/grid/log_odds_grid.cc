@@ -81,6 +81,21 @@ std::size_t LogOddsGrid::ObservedCount() const {
   return count;
 }
 
+CellBox LogOddsGrid::Extended(const CellBox& extent, CellIndex block) {
+  return {{std::min(extent.min.x, block.x), std::min(extent.min.y, block.y)},
+          {std::max(extent.max.x, block.x), std::max(extent.max.y, block.y)}};
+}
+
+bool LogOddsGrid::IsPossible(const CellBox& extent) {
+  // A place spans a few hundred metres at most: 655 m at the smallest cells of 0.01 m. Blocks lie
+  // within 10 km of its origin.
+  constexpr std::int32_t kFarthest = 1 << 14;
+  constexpr std::int32_t kSpanMax = 1 << 10;
+  return extent.min.x >= -kFarthest && extent.min.y >= -kFarthest && extent.max.x <= kFarthest &&
+         extent.max.y <= kFarthest && extent.max.x - extent.min.x <= kSpanMax &&
+         extent.max.y - extent.min.y <= kSpanMax;
+}
+
 LogOddsGrid LogOddsGrid::Share() {
   LogOddsGrid shared = *this;
   ++epoch_;  // from now on this grid copies a block before it writes to it

@@ -98,6 +98,10 @@ class LogOddsGrid {
   template <typename Archive>
   void VisitFields(Archive& archive);
   void Grow(CellIndex block);
+  static CellBox Extended(const CellBox& extent, CellIndex block);
+  // Whether a grid can reach from the block `extent.min` to `extent.max`; if not, the bytes are
+  // damaged and must not allocate.
+  static bool IsPossible(const CellBox& extent);
 
   CellIndex first_;  // block at blocks_[0]
   std::int32_t columns_ = 0;
@@ -113,16 +117,20 @@ void LogOddsGrid::VisitFields(Archive& archive) {
   archive(count);
   if constexpr (Archive::kReads) {
     *this = LogOddsGrid();
+    CellIndex before;
+    CellBox extent;
     for (std::uint32_t i = 0; i < count; ++i) {
       CellIndex block;
       archive(block.x, block.y);
-      // Blocks of a grid lie within kilometres; anything else is damage and must not allocate.
-      constexpr std::int32_t kFarthest = 1 << 14;
-      if (block.x < -kFarthest || block.x > kFarthest || block.y < -kFarthest ||
-          block.y > kFarthest) {
+      extent = i == 0 ? CellBox{block, block} : Extended(extent, block);
+      // The order also ends the loop when the bytes do: zeros that are read then come twice.
+      const bool in_order =
+          i == 0 || block.y > before.y || (block.y == before.y && block.x > before.x);
+      if (!in_order || !IsPossible(extent)) {
         archive.Fail();
         return;
       }
+      before = block;
       Block& written = WritableBlock(block);
       archive.Raw(written.cells.data(), written.cells.size());
     }
