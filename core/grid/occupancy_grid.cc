@@ -39,28 +39,30 @@ std::vector<Eigen::Vector2d> FreePolygon(const LaserScan& scan,
     return center + range * Eigen::Vector2d(Cos(angle_rad), Sin(angle_rad));
   };
 
+  const std::size_t count = scan.ranges_mm.size();
+  const double span_rad = scan.angle_step_rad * static_cast<double>(count);
+  const bool full_turn = span_rad >= 2.0 * kPi - 0.5 * scan.angle_step_rad;
   std::vector<Eigen::Vector2d> polygon;
-  polygon.reserve(scan.ranges_mm.size() + 16);
+  polygon.reserve(count + 16);
   const double jump = kJumpM / cell_size_m;
-  for (std::size_t beam = 0; beam < scan.ranges_mm.size(); ++beam) {
+  for (std::size_t beam = 0; beam < count; ++beam) {
     const double range = free_range(beam);
     if (range > 0.0) {
       polygon.push_back(vertex(static_cast<double>(beam), range));
     } else {
       polygon.push_back(center);
     }
-    if (beam + 1 == scan.ranges_mm.size()) {
+    if (beam + 1 == count && !full_turn) {
       continue;
     }
-    const double next = free_range(beam + 1);
+    const double next = free_range(beam + 1 == count ? 0 : beam + 1);
     if (std::abs(next - range) > jump) {
       const double nearer = std::min(range, next);
       const double bisector = static_cast<double>(beam) + 0.5;
       polygon.push_back(nearer > 0.0 ? vertex(bisector, nearer) : center);
     }
   }
-  const double span_rad = scan.angle_step_rad * static_cast<double>(scan.ranges_mm.size());
-  if (span_rad < 2.0 * kPi - 0.5 * scan.angle_step_rad) {
+  if (!full_turn) {
     polygon.push_back(center);
   }
   return polygon;
