@@ -4,16 +4,14 @@
 #include <algorithm>
 #include <string>
 
+#include "storage/sqlite/file_system.h"
 #include "storage/sqlite/integrity.h"
 #include "storage/sqlite/schema.h"
-#include "storage/sqlite/wal_check.h"
+#include "storage/sqlite/wal_recovery.h"
 
 namespace loci {
 namespace {
 
-// 4 MiB: the write-ahead log is moved into the database when it is longer, by the thread that wrote
-// its last part, which takes some 10 ms. SQLite's own default.
-constexpr int kWalFramesMax = 1000;
 // Rows of one transaction of a trim or a removal.
 constexpr std::uint64_t kRemovedRowsMax = 1000;
 // A recovery may have to go back behind the newest checkpoint, if that is damaged.
@@ -21,12 +19,6 @@ constexpr std::size_t kKeptCheckpoints = 2;
 
 std::filesystem::path WalOf(const std::filesystem::path& file) {
   return std::filesystem::path(file) += "-wal";
-}
-
-std::uint64_t SizeOf(const std::filesystem::path& file) {
-  std::error_code error;
-  const std::uintmax_t size = std::filesystem::file_size(file, error);
-  return error ? 0 : size;
 }
 
 }  // namespace
@@ -41,8 +33,8 @@ Status SqliteMapStore::Create(const std::filesystem::path& file,
 StatusOr<std::unique_ptr<SqliteMapStore>> SqliteMapStore::Open(const std::filesystem::path& file,
                                                                const SqliteStoreOptions& options,
                                                                std::shared_ptr<void> registration) {
-  LOCI_RETURN_IF_ERROR(CheckWal(WalOf(file)));
-  if (SizeOf(file) == 0) {
+  LOCI_RETURN_IF_ERROR(PrepareWal(WalOf(file)));
+  if (FileSizeBytes(file) == 0) {
     return DamagedFileError(file.filename().string(), "it is empty");  // SQLite would begin anew
   }
   LOCI_ASSIGN_OR_RETURN(std::unique_ptr<Connection> connection,
@@ -102,7 +94,7 @@ Status SqliteMapStore::WriteInTurn(const std::function<Status()>& body) {
     begun = true;
     return body();
   });
-  if (status.ok() && connection_->wal_frames() > kWalFramesMax) {
+  if (status.ok() && connection_->wal_frames() > options_.wal_frames_max) {
     const Status moved = connection_->MoveWal();
     // What was committed stays so, in the write-ahead log. It grows while the disk is full; after
     // another error nothing more is written.
@@ -371,7 +363,7 @@ StatusOr<StoredBytes> SqliteMapStore::MeasureBytes() const {
     bytes.log = bounds.end.end_bytes - bounds.begin.end_bytes;
     return {};
   }));
-  bytes.total = SizeOf(file_) + SizeOf(WalOf(file_));
+  bytes.total = FileSizeBytes(file_) + FileSizeBytes(WalOf(file_));
   return bytes;
 }
 

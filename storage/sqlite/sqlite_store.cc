@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <mutex>
 #include <set>
 #include <string_view>
@@ -12,8 +11,8 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
-#include <unistd.h>
 
+#include "storage/sqlite/file_system.h"
 #include "storage/sqlite/sqlite_map_store.h"
 
 namespace loci {
@@ -37,50 +36,6 @@ Status CheckMapName(std::string_view name) {
   return IsMapName(name) ? Status()
                          : InvalidArgumentError("map: a name of " + std::to_string(name.size()) +
                                                 " bytes, must match [a-z0-9_-]{1,64}");
-}
-
-Status SystemFailure(int error, const std::string& doing) {
-  const std::string message = doing + ": " + std::strerror(error);
-  return error == ENOSPC || error == EDQUOT ? ResourceExhaustedError(message)
-                                            : UnavailableError(message);
-}
-
-class FileDescriptor {
- public:
-  FileDescriptor(const std::filesystem::path& path, int flags)
-      : value_(::open(path.c_str(), flags | O_CLOEXEC, 0644)) {}
-  ~FileDescriptor() {
-    if (value_ >= 0) {
-      ::close(value_);
-    }
-  }
-  FileDescriptor(FileDescriptor&& other) noexcept : value_(std::exchange(other.value_, -1)) {}
-  FileDescriptor& operator=(FileDescriptor&& other) = delete;
-  int value() const { return value_; }
-
- private:
-  int value_;
-};
-
-// Makes the names in a directory durable.
-Status SyncDirectory(const std::filesystem::path& directory) {
-  const FileDescriptor descriptor(directory, O_RDONLY | O_DIRECTORY);
-  if (descriptor.value() < 0 || ::fsync(descriptor.value()) != 0) {
-    return SystemFailure(errno, "making " + directory.string() + " durable");
-  }
-  return {};
-}
-
-Status Remove(const std::filesystem::path& file) {
-  std::error_code error;
-  std::filesystem::remove(file, error);  // that it is not there is no error
-  return error ? SystemFailure(error.value(), "removing " + file.string()) : Status();
-}
-
-Status Rename(const std::filesystem::path& from, const std::filesystem::path& to) {
-  std::error_code error;
-  std::filesystem::rename(from, to, error);
-  return error ? SystemFailure(error.value(), "renaming " + from.string()) : Status();
 }
 
 // Names of the files in `directory` that are a map's name and `suffix`.
@@ -169,17 +124,17 @@ bool SqliteStoreDirectory::IsOpen(const std::string& map) const {
 // SQLite's own files beside it go first: a file made again under the name must not meet them.
 Status SqliteStoreDirectory::RemoveNew(const std::string& map) const {
   for (const char* part : {"-wal", "-shm", "-journal", ""}) {
-    LOCI_RETURN_IF_ERROR(Remove(FileOf(map, std::string(kNewSuffix) + part)));
+    LOCI_RETURN_IF_ERROR(RemoveFile(FileOf(map, std::string(kNewSuffix) + part)));
   }
   return {};
 }
 
 Status SqliteStoreDirectory::FinishDelete(const std::string& map) const {
-  for (const char* part : {"-wal", "-shm", "-journal"}) {
-    LOCI_RETURN_IF_ERROR(Remove(FileOf(map, std::string(kMapSuffix) + part)));
+  for (const char* part : {"-wal", "-wal.new", "-shm", "-journal"}) {
+    LOCI_RETURN_IF_ERROR(RemoveFile(FileOf(map, std::string(kMapSuffix) + part)));
   }
   LOCI_RETURN_IF_ERROR(SyncDirectory(directory_));
-  return Remove(FileOf(map, kDeletedSuffix));
+  return RemoveFile(FileOf(map, kDeletedSuffix));
 }
 
 StatusOr<std::unique_ptr<MapStore>> SqliteStoreDirectory::Create(const std::string& map) {
@@ -193,7 +148,7 @@ StatusOr<std::unique_ptr<MapStore>> SqliteStoreDirectory::Create(const std::stri
   LOCI_RETURN_IF_ERROR(RemoveNew(map));
   Status status = SqliteMapStore::Create(made, options_);
   if (status.ok()) {
-    status = Rename(made, FileOf(map, kMapSuffix));
+    status = RenameFile(made, FileOf(map, kMapSuffix));
   }
   if (status.ok()) {
     status = SyncDirectory(directory_);
@@ -246,17 +201,15 @@ Status SqliteStoreDirectory::Delete(const std::string& map) {
     return FailedPreconditionError("map \"" + map + "\" is open");
   }
   // From here on the map is gone; a crash before the end is finished at the next start.
-  LOCI_RETURN_IF_ERROR(Rename(FileOf(map, kMapSuffix), FileOf(map, kDeletedSuffix)));
+  LOCI_RETURN_IF_ERROR(RenameFile(FileOf(map, kMapSuffix), FileOf(map, kDeletedSuffix)));
   LOCI_RETURN_IF_ERROR(SyncDirectory(directory_));
   return FinishDelete(map);
 }
 
 // flock, not POSIX locks: those are lost when any descriptor of the file is closed.
 StatusOr<FileDescriptor> LockDirectory(const std::filesystem::path& directory) {
-  FileDescriptor lock(directory / kLockName, O_RDWR | O_CREAT);
-  if (lock.value() < 0) {
-    return SystemFailure(errno, "opening " + (directory / kLockName).string());
-  }
+  LOCI_ASSIGN_OR_RETURN(FileDescriptor lock,
+                        FileDescriptor::Open(directory / kLockName, O_RDWR | O_CREAT));
   if (::flock(lock.value(), LOCK_EX | LOCK_NB) != 0) {
     return errno == EWOULDBLOCK
                ? FailedPreconditionError("another server uses " + directory.string() +

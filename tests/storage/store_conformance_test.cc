@@ -30,7 +30,9 @@ struct Driver {
   std::function<StatusOr<std::unique_ptr<StoreDirectory>>(const std::filesystem::path&)> open;
 };
 
-void PrintTo(const Driver& driver, std::ostream* out) { *out << driver.name; }
+void PrintTo(const Driver& driver, std::ostream* out) {
+  *out << driver.name;
+}
 
 class StoreTest : public ::testing::TestWithParam<Driver> {
  protected:
@@ -64,7 +66,7 @@ class StoreTest : public ::testing::TestWithParam<Driver> {
     return numbers;
   }
 
-  TemporaryDirectory temporary_;
+  TemporaryDirectory temporary_{TemporaryDirectory::Medium::kMemory};
   std::unique_ptr<StoreDirectory> directory_;
 };
 

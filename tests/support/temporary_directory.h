@@ -2,6 +2,7 @@
 // A directory of a test's own, removed at its end.
 #pragma once
 
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <string>
@@ -13,8 +14,17 @@ namespace loci {
 
 class TemporaryDirectory {
  public:
-  TemporaryDirectory() {
-    std::string name = (std::filesystem::temp_directory_path() / "loci-test-XXXXXX").string();
+  enum class Medium : std::uint8_t {
+    kDisk,
+    kMemory,  // where there is such a file system: there fsync costs nothing
+  };
+
+  explicit TemporaryDirectory(Medium medium = Medium::kDisk) {
+    const std::filesystem::path memory = "/dev/shm";
+    const bool in_memory = medium == Medium::kMemory && std::filesystem::is_directory(memory);
+    const std::filesystem::path parent =
+        in_memory ? memory : std::filesystem::temp_directory_path();
+    std::string name = (parent / "loci-test-XXXXXX").string();
     LOCI_CHECK(::mkdtemp(name.data()) != nullptr);
     path_ = name;
   }

@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// The format is SQLite's: https://www.sqlite.org/fileformat2.html, section 4.
-#include "storage/sqlite/wal_check.h"
+// The format of the log is SQLite's: https://www.sqlite.org/fileformat2.html, section 4.
+#include "storage/sqlite/wal_recovery.h"
 
 #include <array>
+#include <cerrno>
 #include <cstdint>
 #include <cstring>
 #include <fstream>
 #include <string>
 #include <vector>
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include "storage/sqlite/connection.h"
+#include "storage/sqlite/file_system.h"
 
 namespace loci {
 namespace {
@@ -100,20 +105,13 @@ std::uint64_t FindDamagedFrame(std::ifstream& in, const Header& header) {
   return 0;
 }
 
-}  // namespace
-
-Status CheckWal(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) {
-    return {};  // nothing to recover
-  }
-  const std::string name = file.filename().string();
-  std::error_code ignored;
-  const std::uintmax_t size = std::filesystem::file_size(file, ignored);
+Status CheckFrames(const std::filesystem::path& wal) {
+  std::ifstream in(wal, std::ios::binary);
+  const std::string name = wal.filename().string();
   Header header;
   if (!ReadHeader(in, header)) {
     // SQLite makes the header durable before it writes a frame.
-    return size > kHeaderSize + kFrameHeaderSize
+    return FileSizeBytes(wal) > kHeaderSize + kFrameHeaderSize
                ? DamagedFileError(name, "the header of the write-ahead log is wrong")
                : Status();
   }
@@ -124,6 +122,56 @@ Status CheckWal(const std::filesystem::path& file) {
                                 "wrong, and transactions follow it");
   }
   return {};
+}
+
+Status CopyBytes(const std::filesystem::path& from, const std::filesystem::path& to) {
+  LOCI_ASSIGN_OR_RETURN(const FileDescriptor in, FileDescriptor::Open(from, O_RDONLY));
+  LOCI_ASSIGN_OR_RETURN(const FileDescriptor out,
+                        FileDescriptor::Open(to, O_WRONLY | O_CREAT | O_TRUNC));
+  std::vector<char> buffer(1U << 20U);
+  for (;;) {
+    const ssize_t size = ::read(in.value(), buffer.data(), buffer.size());
+    if (size < 0) {
+      return SystemFailure(errno, "reading " + from.string());
+    }
+    if (size == 0) {
+      return Sync(out, to);
+    }
+    for (ssize_t done = 0; done < size;) {
+      const ssize_t written =
+          ::write(out.value(), buffer.data() + done, static_cast<std::size_t>(size - done));
+      if (written < 0) {
+        return SystemFailure(errno, "writing " + to.string());
+      }
+      done += written;
+    }
+  }
+}
+
+Status MakeDurable(const std::filesystem::path& wal) {
+  const std::filesystem::path copy = std::filesystem::path(wal) += ".new";
+  const Status copied = CopyBytes(wal, copy);
+  if (copied.ok()) {
+    LOCI_RETURN_IF_ERROR(RenameFile(copy, wal));
+    return SyncDirectory(wal.parent_path());
+  }
+  IgnoreError(RemoveFile(copy), "the first error says what happened");
+  if (copied.code() != StatusCode::kResourceExhausted) {
+    return copied;
+  }
+  // A full disk must not keep a map from being opened and read.
+  LOCI_ASSIGN_OR_RETURN(const FileDescriptor file, FileDescriptor::Open(wal, O_RDWR));
+  return Sync(file, wal);
+}
+
+}  // namespace
+
+Status PrepareWal(const std::filesystem::path& wal) {
+  if (FileSizeBytes(wal) == 0) {
+    return {};
+  }
+  LOCI_RETURN_IF_ERROR(CheckFrames(wal));
+  return MakeDurable(wal);
 }
 
 }  // namespace loci
