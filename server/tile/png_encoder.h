@@ -29,7 +29,7 @@ enum class PngStyle : std::uint8_t {
 std::optional<PngStyle> PngStyleFromName(std::string_view name);
 
 // A picture whose rows are given from top to bottom. `width` and `height` are at least 1 and
-// pixels.size() is their product. The result is a function of the arguments only.
+// pixels.size() is their product, at most 2^30. The result is a function of the arguments only.
 std::string EncodePng(std::span<const LogOdds8> pixels,
                       std::uint32_t width,
                       std::uint32_t height,
