@@ -3,7 +3,8 @@
 //
 //   map_log LOG --out TRAJECTORY.tum [--place-length M] [--seed N] [--closures]
 //
-// Prints one line: scans, seconds, real-time factor, places, closures. For accuracy tables.
+// Prints one line: scans, seconds, real-time factor, places, closures, and the cells written by
+// integration, consolidation and remeshing. For accuracy tables.
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -124,18 +125,21 @@ Status Run(const Arguments& arguments) {
   }
   const double log_seconds =
       1e-9 * static_cast<double>(reader->last_stamp_ns() - reader->first_stamp_ns());
-  std::size_t overlays = snapshot->overlays.size();
   std::printf(
       "scans %llu seconds %.2f factor %.1f places %zu closures %u tried %zu overlays %zu "
-      "chi2 %.1f digest %s\n",
+      "chi2 %.1f ltrs %zu cells %llu %llu %llu digest %s\n",
       static_cast<unsigned long long>(number),
       seconds,
       log_seconds / seconds,
       snapshot->places.size(),
       snapshot->closures_accepted,
       snapshot->closures->size(),
-      overlays,
+      snapshot->overlays.size(),
       snapshot->chi2,
+      snapshot->mesh->ltrs.size(),
+      static_cast<unsigned long long>(snapshot->cells_written.integrate),
+      static_cast<unsigned long long>(snapshot->cells_written.consolidate),
+      static_cast<unsigned long long>(snapshot->cells_written.remesh),
       engine.StateDigest().ToHex().c_str());
   return {};
 }

@@ -234,7 +234,8 @@ void BeginClosureBatch(PlaceId place, Engine::State& state) {
   GraphCovariance& covariance = CovarianceOfGraph(state);
   std::vector<std::pair<double, PlaceId>> nearest;
   for (const Place& other : state.places) {
-    const bool is_neighbour = other.session == session && other.id.value + 1 == place.value;
+    const bool is_neighbour =
+        other.session == session && other.number + 1 == state.places[place.value].number;
     if (!other.finished || other.id >= place || is_neighbour) {
       continue;
     }

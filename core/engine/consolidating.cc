@@ -14,6 +14,11 @@ constexpr std::uint32_t kLaterPlacesMin = 5;  // of the same session, finished; 
 constexpr double kTiedSigmaM = 0.1;
 constexpr double kTiedSigmaRad = 0.03;
 
+// Places that follow each other are tied by hand-over: each begins with what the one before saw. A
+// host of the same session within this many places is tied, even where a corridor leaves the
+// distance along it open: what is open there is open for all of them together.
+constexpr std::uint32_t kTiedBySequence = 6;
+
 bool HasSettled(const Place& place, const Engine::State& state) {
   const SessionState& session = state.sessions[place.session.value];
   if (!session.open) {
@@ -43,12 +48,19 @@ bool HasDirectConstraint(PlaceId a, PlaceId b, const Engine::State& state) {
                      });
 }
 
+bool IsTiedBySequence(const Place& host, const Place& place) {
+  const std::uint32_t apart =
+      host.number > place.number ? host.number - place.number : place.number - host.number;
+  return host.session == place.session && apart <= kTiedBySequence;
+}
+
 // Condition (a): tied to the host of every vertex under the footprint.
 bool IsTied(const Place& place, Engine::State& state) {
   const std::vector<PlaceId> hosts =
       state.mesh->HostsUnder(place.stationary, state.graph.map_from_node[place.id.value]);
   for (const PlaceId host : hosts) {
-    if (host == place.id || HasDirectConstraint(host, place.id, state)) {
+    if (IsTiedBySequence(state.places[host.value], place) ||
+        HasDirectConstraint(host, place.id, state)) {
       continue;
     }
     const Eigen::Matrix3d relative = CovarianceOfGraph(state).Relative(host.value, place.id.value);

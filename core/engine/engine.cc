@@ -41,7 +41,7 @@ Place& AddPlace(SessionId session, const Pose2& map_from_place, Engine::State& s
   state.graph.map_from_node.push_back(map_from_place);
   state.graph.fixed.push_back(place.id.value == 0);  // the origin of the map, for ever
   MarkGraphChanged(state);
-  ++state.sessions[session.value].place_count;
+  place.number = state.sessions[session.value].place_count++;
   return place;
 }
 

@@ -16,6 +16,7 @@ namespace loci {
 struct Place {
   PlaceId id;
   SessionId session;
+  std::uint32_t number = 0;  // of the session's places, from 0
   Patch patch;
   LogOddsGrid stationary;  // until it is consolidated
   LogOddsGrid moving;      // the same
@@ -29,8 +30,8 @@ struct Place {
 
 template <typename Archive>
 void Fields(Archive& archive, Place& place) {
-  archive(place.id, place.session, place.patch, place.stationary, place.moving, place.coverage);
-  archive(place.last_stamp_ns, place.finished, place.consolidated);
+  archive(place.id, place.session, place.number, place.patch, place.stationary, place.moving);
+  archive(place.coverage, place.last_stamp_ns, place.finished, place.consolidated);
 }
 
 }  // namespace loci
