@@ -114,10 +114,22 @@ std::vector<TriangleIndex> Mesh::State::TrianglesUnder(const Footprint& footprin
 
 std::vector<PlaceId> Mesh::State::HostsUnder(const LogOddsGrid& grid,
                                              const Pose2& map_from_place) const {
+  const Footprint footprint(grid, cell_size_m_);
   std::vector<PlaceId> hosts;
-  for (const TriangleIndex t : TrianglesUnder(Footprint(grid, cell_size_m_), map_from_place)) {
+  if (footprint.empty()) {
+    return hosts;
+  }
+  const Transformer2 place_from_map(Inverse(map_from_place));
+  for (const TriangleIndex t : TrianglesUnder(footprint, map_from_place)) {
     for (const VertexId vertex : VerticesOf(t)) {
-      hosts.push_back(anchors_[vertex.value].host);
+      // A triangle that spans unmapped ground has corners far away; the footprint's own anchors
+      // will cut it up, so those corners will not carry this place.
+      const Eigen::Vector2d point = place_from_map * PositionOf(vertex);
+      const Eigen::Vector2d nearest =
+          point.cwiseMax(footprint.bounds().min).cwiseMin(footprint.bounds().max);
+      if ((point - nearest).norm() <= kLatticeM) {
+        hosts.push_back(anchors_[vertex.value].host);
+      }
     }
   }
   std::sort(hosts.begin(), hosts.end());
