@@ -2,7 +2,10 @@
 #include "storage/sqlite/sqlite_map_store.h"
 
 #include <algorithm>
+#include <array>
+#include <fstream>
 #include <string>
+#include <string_view>
 
 #include "storage/sqlite/file_system.h"
 #include "storage/sqlite/integrity.h"
@@ -21,6 +24,21 @@ std::filesystem::path WalOf(const std::filesystem::path& file) {
   return std::filesystem::path(file) += "-wal";
 }
 
+// What SQLite would not call damage: an empty file, which it takes for a new database, and one
+// whose header says that it may not be written, or not be read.
+Status CheckHeader(const std::filesystem::path& file) {
+  constexpr std::string_view kMagic("SQLite format 3\0", 16);
+  std::array<char, 20> header = {};  // magic, page size, write version, read version
+  std::ifstream in(file, std::ios::binary);
+  const bool read = static_cast<bool>(in.read(header.data(), header.size()));
+  const bool journal = header[18] == 1 && header[19] == 1;
+  const bool wal = header[18] == 2 && header[19] == 2;
+  return read && std::string_view(header.data(), 16) == kMagic && (journal || wal)
+             ? Status()
+             : DamagedFileError(file.filename().string(),
+                                "its first 20 bytes are not a database's");
+}
+
 }  // namespace
 
 Status SqliteMapStore::Create(const std::filesystem::path& file,
@@ -33,10 +51,8 @@ Status SqliteMapStore::Create(const std::filesystem::path& file,
 StatusOr<std::unique_ptr<SqliteMapStore>> SqliteMapStore::Open(const std::filesystem::path& file,
                                                                const SqliteStoreOptions& options,
                                                                std::shared_ptr<void> registration) {
+  LOCI_RETURN_IF_ERROR(CheckHeader(file));
   LOCI_RETURN_IF_ERROR(PrepareWal(WalOf(file)));
-  if (FileSizeBytes(file) == 0) {
-    return DamagedFileError(file.filename().string(), "it is empty");  // SQLite would begin anew
-  }
   LOCI_ASSIGN_OR_RETURN(std::unique_ptr<Connection> connection,
                         Connection::Open(file, Access::kWrite, options.vfs));
   LOCI_RETURN_IF_ERROR(CheckAndMigrateSchema(*connection));
