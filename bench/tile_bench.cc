@@ -16,7 +16,7 @@
 
 #include <png.h>
 
-#include "bench/interleaved.h"
+#include "bench/contestants.h"
 #include "bench/map_of_log.h"
 #include "core/tile/tile_renderer.h"
 #include "server/tile/png_encoder.h"

@@ -56,6 +56,12 @@ class Penalty {
   double weight_theta_;
 };
 
+// std::floor as an integer, without the call that processors without SSE 4.1 need.
+std::int32_t FloorToInt(double value) {
+  const std::int32_t truncated = static_cast<std::int32_t>(value);
+  return truncated - (value < truncated ? 1 : 0);
+}
+
 // Cells of the points at one heading, for the translation of the prediction.
 void RotateIntoCells(std::span<const Eigen::Vector2d> points,
                      const Pose2& pose,
@@ -66,42 +72,88 @@ void RotateIntoCells(std::span<const Eigen::Vector2d> points,
   cells.clear();
   for (const Eigen::Vector2d& point : points) {
     const Eigen::Vector2d moved = scale * (transform * point);
-    cells.push_back({static_cast<std::int32_t>(std::floor(moved.x())),
-                     static_cast<std::int32_t>(std::floor(moved.y()))});
+    cells.push_back({FloorToInt(moved.x()), FloorToInt(moved.y())});
   }
 }
 
-// Where a point's window of translations begins in the grid's bytes, for those whose whole window
-// lies inside; the others are `border` points and are looked up one by one.
-struct Placement {
-  std::vector<const std::uint8_t*> inside;
-  std::vector<CellIndex> border;
+// The bytes that a search may touch, as a rectangle in which the window of every point that scores
+// at all lies whole: the grid's own bytes if it is large enough, else a copy with zeros around.
+class SearchedBytes {
+ public:
+  SearchedBytes(std::span<const Eigen::Vector2d> points,
+                const Pose2& predicted,
+                const Steps& steps,
+                std::int32_t columns,
+                const LikelihoodGrid& grid)
+      : box_(grid.box()), stride_(grid.width()), columns_(columns), bytes_(grid.bytes()) {
+    double reach_squared_m2 = 0.0;
+    for (const Eigen::Vector2d& point : points) {
+      reach_squared_m2 = std::max(reach_squared_m2, point.squaredNorm());
+    }
+    // Cells that a point can come into, one more for rounding, and the window around them.
+    const double reach_m = std::sqrt(reach_squared_m2) + grid.cell_size_m();
+    const CellIndex low = CellOf(predicted.translation().array() - reach_m, grid.cell_size_m());
+    const CellIndex high = CellOf(predicted.translation().array() + reach_m, grid.cell_size_m());
+    const CellBox touched{{low.x - steps.x, low.y - steps.y},
+                          {high.x - steps.x + columns, high.y + steps.y + 1}};
+    const bool is_large_enough = touched.min.x >= box_.min.x && touched.min.y >= box_.min.y &&
+                                 touched.max.x <= box_.max.x && touched.max.y <= box_.max.y;
+    if (!is_large_enough) {
+      CopyPadded(touched, steps, grid);
+    }
+  }
+
+  std::int32_t stride() const { return stride_; }
+
+  // Where the window of a point at `cell` begins; null if no byte of it is above zero.
+  const std::uint8_t* WindowAt(CellIndex cell, const Steps& steps) const {
+    const std::int32_t x = cell.x - steps.x - box_.min.x;
+    const std::int32_t y = cell.y - steps.y - box_.min.y;
+    if (x < 0 || y < 0 || x + columns_ > stride_ || y + 2 * steps.y >= box_.max.y - box_.min.y) {
+      return nullptr;
+    }
+    return bytes_ + static_cast<std::size_t>(y) * static_cast<std::size_t>(stride_) +
+           static_cast<std::size_t>(x);
+  }
+
+ private:
+  void CopyPadded(const CellBox& touched, const Steps& steps, const LikelihoodGrid& grid) {
+    // A window that meets the grid begins at most its own size before it and ends as far behind.
+    box_ = {{std::max(touched.min.x, box_.min.x - 2 * steps.x),
+             std::max(touched.min.y, box_.min.y - 2 * steps.y)},
+            {std::min(touched.max.x, box_.max.x + columns_),
+             std::min(touched.max.y, box_.max.y + 2 * steps.y)}};
+    if (box_.Empty()) {
+      box_ = {};
+    }
+    stride_ = box_.max.x - box_.min.x;
+    padded_.assign(
+        static_cast<std::size_t>(stride_) * static_cast<std::size_t>(box_.max.y - box_.min.y) +
+            kLanes,
+        0);
+    bytes_ = padded_.data();
+    const std::int32_t x_first = std::max(box_.min.x, grid.box().min.x);
+    const std::int32_t x_last = std::min(box_.max.x, grid.box().max.x);
+    const std::int32_t y_first = std::max(box_.min.y, grid.box().min.y);
+    const std::int32_t y_last = std::min(box_.max.y, grid.box().max.y);
+    for (std::int32_t y = y_first; y < y_last && x_first < x_last; ++y) {
+      const std::uint8_t* from =
+          grid.bytes() +
+          static_cast<std::size_t>(y - grid.box().min.y) * static_cast<std::size_t>(grid.width()) +
+          static_cast<std::size_t>(x_first - grid.box().min.x);
+      std::copy_n(from,
+                  x_last - x_first,
+                  padded_.begin() + static_cast<std::ptrdiff_t>(y - box_.min.y) * stride_ +
+                      (x_first - box_.min.x));
+    }
+  }
+
+  CellBox box_;
+  std::int32_t stride_;
+  std::int32_t columns_;  // of a window
+  const std::uint8_t* bytes_;
+  std::vector<std::uint8_t> padded_;
 };
-
-void Place(std::span<const CellIndex> cells,
-           const Steps& steps,
-           std::int32_t columns,
-           const LikelihoodGrid& grid,
-           Placement& placement) {
-  placement.inside.clear();
-  placement.border.clear();
-  for (const CellIndex cell : cells) {
-    const std::int32_t x = cell.x - steps.x - grid.box().min.x;
-    const std::int32_t y = cell.y - steps.y - grid.box().min.y;
-    const bool outside =
-        x + 2 * steps.x < 0 || y + 2 * steps.y < 0 || x >= grid.width() || y >= grid.height();
-    if (outside) {
-      continue;  // scores nothing anywhere in the window
-    }
-    if (x >= 0 && y >= 0 && x + columns <= grid.width() && y + 2 * steps.y < grid.height()) {
-      placement.inside.push_back(
-          grid.bytes() + static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width()) +
-          static_cast<std::size_t>(x));
-    } else {
-      placement.border.push_back(cell);
-    }
-  }
-}
 
 using Sums = std::vector<std::uint32_t>;  // rows of `columns` sums, one per translation
 
@@ -157,22 +209,6 @@ void AddRows(std::span<const std::uint8_t* const> starts,
   }
 }
 
-// Points near the border of the grid, looked up one by one; bytes outside count 0.
-void AddBorder(std::span<const CellIndex> cells,
-               const Steps& steps,
-               std::int32_t columns,
-               const LikelihoodGrid& grid,
-               Sums& sums) {
-  for (const CellIndex cell : cells) {
-    for (std::int32_t row = 0; row <= 2 * steps.y; ++row) {
-      for (std::int32_t column = 0; column <= 2 * steps.x; ++column) {
-        sums[static_cast<std::size_t>(row * columns + column)] +=
-            grid.At({cell.x - steps.x + column, cell.y - steps.y + row});
-      }
-    }
-  }
-}
-
 // The best of one heading's translations is kept if it is better than what there was.
 struct Best {
   double score = -1e300;
@@ -190,6 +226,11 @@ void KeepBest(const Sums& sums,
               double scale,
               std::int32_t theta,
               Best& best) {
+  // Penalties only grow with x and y, also as rounded, so this bounds every score of the heading.
+  const std::uint32_t raw_max = *std::max_element(sums.begin(), sums.end());
+  if (scale * raw_max - penalty.At(0, 0, theta) <= best.score) {
+    return;
+  }
   for (std::int32_t y = -steps.y; y <= steps.y; ++y) {
     for (std::int32_t x = -steps.x; x <= steps.x; ++x) {
       const std::uint32_t raw =
@@ -231,18 +272,24 @@ CorrelativeMatch FindBestPose(std::span<const Eigen::Vector2d> points_in_robot,
   const Penalty penalty(window, steps);
   const double scale = ScaleOf(points_in_robot.size());
   Sums sums(static_cast<std::size_t>(rows * columns));
+  const SearchedBytes bytes(points_in_robot, predicted, steps, columns, grid);
   std::vector<CellIndex> cells;
   cells.reserve(points_in_robot.size());
-  Placement placement;
+  std::vector<const std::uint8_t*> windows;
+  windows.reserve(points_in_robot.size());
   Best best;
   for (std::int32_t theta = -steps.theta; theta <= steps.theta; ++theta) {
     const Pose2 pose{
         predicted.x, predicted.y, WrapAngle(predicted.theta + theta * window.step_theta_rad)};
     RotateIntoCells(points_in_robot, pose, grid.cell_size_m(), cells);
-    Place(cells, steps, columns, grid, placement);
+    windows.clear();
+    for (const CellIndex cell : cells) {
+      if (const std::uint8_t* at = bytes.WindowAt(cell, steps); at != nullptr) {
+        windows.push_back(at);
+      }
+    }
     std::fill(sums.begin(), sums.end(), 0U);
-    AddRows(placement.inside, grid.width(), rows, columns, sums.data());
-    AddBorder(placement.border, steps, columns, grid, sums);
+    AddRows(windows, bytes.stride(), rows, columns, sums.data());
     KeepBest(sums, columns, steps, penalty, scale, theta, best);
   }
   return MatchOf(best, predicted, window, grid.cell_size_m());

@@ -1,4 +1,5 @@
--- Schema 1 of a map file. docs/storage.md says what the columns mean.
+-- Schema 1 of a map file. docs/storage.md says what the columns mean. Never changed again: the text
+-- of a schema is compared with that of the files that have it.
 
 -- The event log: numbers without gaps.
 CREATE TABLE log (
