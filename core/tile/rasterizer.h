@@ -16,8 +16,11 @@ namespace loci {
 
 // A convex polygon of the map under a texture.
 struct TexturedPolygon {
-  std::array<Eigen::Vector2d, 4> corners_in_map;  // counter-clockwise
-  std::size_t corner_count = 3;                   // 3 or 4
+  std::array<Eigen::Vector2d, 4> corners_in_map = {Eigen::Vector2d::Zero(),
+                                                   Eigen::Vector2d::Zero(),
+                                                   Eigen::Vector2d::Zero(),
+                                                   Eigen::Vector2d::Zero()};  // counter-clockwise
+  std::size_t corner_count = 3;                                               // 3 or 4
   Affine2 map_from_texture;  // (column, row) of a cell's lower corner -> point in map
   TextureView texture;
 };

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gauss-Newton with Levenberg's and Marquardt's damping.
+#include "core/graph/least_squares.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace loci {
+namespace {
+
+// Damping, as a part of H's diagonal. The first is Marquardt's customary one; below the smallest, a
+// step is an undamped one up to rounding; above the largest, a step moves nothing any more.
+constexpr double kDampingFirst = 1e-4;
+constexpr double kDampingMin = 1e-9;
+constexpr double kDampingMax = 1e12;
+constexpr double kDampingRise = 8.0;
+constexpr double kDampingFall = 0.2;
+
+// The damping after a step that made it better.
+double Lowered(double damping) {
+  const double lowered = damping * kDampingFall;
+  return lowered < kDampingMin ? 0.0 : lowered;
+}
+
+double Raised(double damping) { return std::max(kDampingFirst, damping * kDampingRise); }
+
+}  // namespace
+
+LeastSquaresSummary Minimise(LeastSquaresProblem& problem, const LeastSquaresOptions& options) {
+  LeastSquaresSummary summary;
+  summary.cost_before = problem.Cost();
+  summary.cost_after = summary.cost_before;
+  NormalEquations equations(problem.BlockSizes(), problem.Pairs());
+  if (equations.size() == 0) {
+    summary.converged = true;
+    return summary;
+  }
+  double damping = options.damped_from_start ? kDampingFirst : 0.0;
+  bool linearised = false;
+  for (int i = 0; i < options.iterations_max && damping <= kDampingMax; ++i) {
+    if (!linearised) {
+      equations.Clear();
+      problem.Linearise(equations);
+      linearised = true;
+    }
+    ++summary.iterations;
+    if (!equations.Factor(damping)) {
+      damping = Raised(damping);
+      continue;
+    }
+    const Eigen::VectorXd step = equations.Step();
+    problem.Move(step, equations);
+    const double cost = problem.Cost();
+    const double gain = summary.cost_after - cost;
+    // A cost that is not a number fails this comparison too.
+    if (gain >= 0.0) {
+      summary.cost_after = cost;
+      linearised = false;
+    } else {
+      problem.MoveBack();
+    }
+    const double step_max = step.cwiseAbs().maxCoeff();
+    if (step_max <= options.step_min ||
+        std::abs(gain) <= options.relative_gain_min * summary.cost_after) {
+      summary.converged = true;
+      break;
+    }
+    damping = gain >= 0.0 ? Lowered(damping) : Raised(damping);
+  }
+  return summary;
+}
+
+}  // namespace loci

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+// Analytic Jacobians of the constraints in the plane.
+#include "core/graph/plane_problem.h"
+
+#include <cstddef>
+
+namespace loci {
+namespace {
+
+// R(theta)^T.
+Eigen::Matrix2d InverseRotation(double theta) {
+  const double cosine = Cos(theta);
+  const double sine = Sin(theta);
+  Eigen::Matrix2d matrix;
+  matrix << cosine, sine, -sine, cosine;
+  return matrix;
+}
+
+// d(R(theta) v) / d theta at theta = 0.
+Eigen::Vector2d Turned(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
+
+}  // namespace
+
+// With M = A^-1 B the predicted pose of B in A, and e = Z^-1 M:
+// B * D gives e * D, so that d e / d b = (R(e), 0; 0, 1).
+// A * D gives Z^-1 D^-1 M, so that d e / d a = -(R(z)^T, R(z)^T turned(M.t); 0, 1).
+LinearisedPair<3, 3, 3> Linearised(const PoseGraph& graph, const GraphConstraint& constraint) {
+  const Pose2 predicted =
+      Inverse(graph.map_from_node[constraint.from]) * graph.map_from_node[constraint.to];
+  const Pose2 error = Inverse(constraint.from_from_to) * predicted;
+  const Eigen::Matrix2d measured_inverse = InverseRotation(constraint.from_from_to.theta);
+  LinearisedPair<3, 3, 3> result;
+  result.error = error.vector();
+  result.jacobian_a.setZero();
+  result.jacobian_a.topLeftCorner<2, 2>() = -measured_inverse;
+  result.jacobian_a.topRightCorner<2, 1>() = -(measured_inverse * Turned(predicted.translation()));
+  result.jacobian_a(2, 2) = -1.0;
+  result.jacobian_b.setZero();
+  result.jacobian_b.topLeftCorner<2, 2>() = InverseRotation(error.theta).transpose();
+  result.jacobian_b(2, 2) = 1.0;
+  return result;
+}
+
+// With p the predicted point in A: A * D gives D^-1 p, so that d e / d a = -(I, turned(p)); the point
+// moves in the map, so that d e / d l = R(a)^T.
+LinearisedPair<2, 3, 2> Linearised(const PoseGraph& graph, const PointConstraint& constraint) {
+  const Pose2& map_from_node = graph.map_from_node[constraint.from];
+  const Eigen::Vector2d predicted =
+      Inverse(map_from_node) * graph.points_in_map[constraint.point];
+  LinearisedPair<2, 3, 2> result;
+  result.error = predicted - constraint.point_in_from;
+  result.jacobian_a.leftCols<2>() = -Eigen::Matrix2d::Identity();
+  result.jacobian_a.col(2) = -Turned(predicted);
+  result.jacobian_b = InverseRotation(map_from_node.theta);
+  return result;
+}
+
+PlaneProblem::PlaneProblem(PoseGraph& graph, const RobustKernel& kernel)
+    : graph_(&graph), kernel_(kernel) {
+  const std::vector<bool> held = HeldNodes(graph);
+  for (const bool node_is_held : held) {
+    block_of_node_.push_back(node_is_held ? kHeldBlock
+                                          : static_cast<std::uint32_t>(block_sizes_.size()));
+    if (!node_is_held) {
+      block_sizes_.push_back(3);
+    }
+  }
+  std::vector<bool> seen(graph.points_in_map.size());
+  for (const PointConstraint& constraint : graph.point_constraints) {
+    seen[constraint.point] = true;
+  }
+  for (const bool point_is_seen : seen) {
+    block_of_point_.push_back(point_is_seen ? static_cast<std::uint32_t>(block_sizes_.size())
+                                            : kHeldBlock);
+    if (point_is_seen) {
+      block_sizes_.push_back(2);
+    }
+  }
+}
+
+// One pair per constraint with two free ends, in the order in which Linearise counts them.
+std::vector<BlockPair> PlaneProblem::Pairs() const {
+  std::vector<BlockPair> pairs;
+  const auto add = [&](std::uint32_t a, std::uint32_t b) {
+    if (a != kHeldBlock && b != kHeldBlock) {
+      pairs.push_back({a, b});
+    }
+  };
+  for (const GraphConstraint& constraint : graph_->constraints) {
+    add(block_of_node_[constraint.from], block_of_node_[constraint.to]);
+  }
+  for (const PointConstraint& constraint : graph_->point_constraints) {
+    add(block_of_node_[constraint.from], block_of_point_[constraint.point]);
+  }
+  return pairs;
+}
+
+double PlaneProblem::Cost() const {
+  double sum = 0.0;
+  for (const GraphConstraint& constraint : graph_->constraints) {
+    sum += Rho(Chi2Of(*graph_, constraint), constraint.robust);
+  }
+  for (const PointConstraint& constraint : graph_->point_constraints) {
+    sum += Rho(Chi2Of(*graph_, constraint), constraint.robust);
+  }
+  return sum;
+}
+
+void PlaneProblem::Linearise(NormalEquations& equations) const {
+  std::size_t pair = 0;
+  const auto add = [&](const auto& constraint, std::uint32_t block_a, std::uint32_t block_b) {
+    const auto linearised = Linearised(*graph_, constraint);
+    const double chi2 = linearised.error.dot(constraint.information * linearised.error);
+    const auto weight = (Weight(chi2, constraint.robust) * constraint.information).eval();
+    AddPair(linearised, weight, block_a, block_b, pair, equations);
+    pair += block_a != kHeldBlock && block_b != kHeldBlock ? 1 : 0;
+  };
+  for (const GraphConstraint& constraint : graph_->constraints) {
+    add(constraint, block_of_node_[constraint.from], block_of_node_[constraint.to]);
+  }
+  for (const PointConstraint& constraint : graph_->point_constraints) {
+    add(constraint, block_of_node_[constraint.from], block_of_point_[constraint.point]);
+  }
+}
+
+void PlaneProblem::Move(const Eigen::VectorXd& step, const NormalEquations& equations) {
+  nodes_before_ = graph_->map_from_node;
+  points_before_ = graph_->points_in_map;
+  for (std::size_t i = 0; i < block_of_node_.size(); ++i) {
+    if (block_of_node_[i] == kHeldBlock) {
+      continue;
+    }
+    const Eigen::Vector3d xi = step.segment<3>(equations.offset(block_of_node_[i]));
+    graph_->map_from_node[i] =
+        graph_->map_from_node[i] * Pose2{xi.x(), xi.y(), WrapAngle(xi.z())};
+  }
+  for (std::size_t i = 0; i < block_of_point_.size(); ++i) {
+    if (block_of_point_[i] != kHeldBlock) {
+      graph_->points_in_map[i] += step.segment<2>(equations.offset(block_of_point_[i]));
+    }
+  }
+}
+
+void PlaneProblem::MoveBack() {
+  graph_->map_from_node = nodes_before_;
+  graph_->points_in_map = points_before_;
+}
+
+}  // namespace loci

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// A pose graph in the plane as a least squares problem: its linearisation and its moves.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "core/graph/least_squares.h"
+#include "core/graph/pose_graph.h"
+#include "core/graph/robust_kernel.h"
+
+namespace loci {
+
+// Error and Jacobians of a constraint for right perturbations of its nodes, map_from_node * Exp(xi),
+// and for a shift of the point in the map.
+LinearisedPair<3, 3, 3> Linearised(const PoseGraph& graph, const GraphConstraint& constraint);
+LinearisedPair<2, 3, 2> Linearised(const PoseGraph& graph, const PointConstraint& constraint);
+
+// Blocks: free nodes in the order of their index, then points that have a constraint. Refers to a
+// graph that lives longer and keeps its constraints.
+class PlaneProblem final : public LeastSquaresProblem {
+ public:
+  PlaneProblem(PoseGraph& graph, const RobustKernel& kernel);
+
+  std::vector<int> BlockSizes() const override { return block_sizes_; }
+  std::vector<BlockPair> Pairs() const override;
+  double Cost() const override;
+  void Linearise(NormalEquations& equations) const override;
+  void Move(const Eigen::VectorXd& step, const NormalEquations& equations) override;
+  void MoveBack() override;
+
+  // kHeldBlock for held nodes.
+  std::uint32_t BlockOfNode(std::uint32_t node) const { return block_of_node_[node]; }
+
+ private:
+  double Rho(double chi2, bool robust) const { return robust ? kernel_.Rho(chi2) : chi2; }
+  double Weight(double chi2, bool robust) const { return robust ? kernel_.Weight(chi2) : 1.0; }
+
+  PoseGraph* graph_;
+  RobustKernel kernel_;
+  std::vector<int> block_sizes_;
+  std::vector<std::uint32_t> block_of_node_;
+  std::vector<std::uint32_t> block_of_point_;
+  std::vector<Pose2> nodes_before_;
+  std::vector<Eigen::Vector2d> points_before_;
+};
+
+}  // namespace loci

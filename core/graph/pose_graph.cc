@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+// Error, chi2, validity and components of a pose graph.
+#include "core/graph/pose_graph.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <string>
+#include <tuple>
+
+#include <Eigen/Eigenvalues>
+
+#include "core/base/check.h"
+
+namespace loci {
+namespace {
+
+// Information matrices come from text with six digits or so: their rounding must pass.
+constexpr double kAsymmetryMax = 1e-6;
+constexpr double kNegativeEigenvalueMax = 1e-9;
+
+template <typename Matrix>
+Status ValidateInformation(const Matrix& information, const std::string& name) {
+  if (!information.allFinite()) {
+    return InvalidArgumentError(name + ".information: a number is not finite");
+  }
+  const double largest = information.cwiseAbs().maxCoeff();
+  if ((information - information.transpose()).cwiseAbs().maxCoeff() > kAsymmetryMax * largest) {
+    return InvalidArgumentError(name + ".information: not symmetric");
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix> solver(information, Eigen::EigenvaluesOnly);
+  const double smallest = solver.eigenvalues().minCoeff();
+  if (smallest < -kNegativeEigenvalueMax * largest) {
+    return InvalidArgumentError(name + ".information: eigenvalue " + std::to_string(smallest) +
+                                ", must be >= 0");
+  }
+  return {};
+}
+
+Status ValidateIndex(std::uint32_t index, std::size_t count, const std::string& field) {
+  if (index >= count) {
+    return InvalidArgumentError(field + ": " + std::to_string(index) + ", must be < " +
+                                std::to_string(count));
+  }
+  return {};
+}
+
+Status ValidateConstraint(const PoseGraph& graph,
+                          const GraphConstraint& constraint,
+                          const std::string& name) {
+  LOCI_RETURN_IF_ERROR(
+      ValidateIndex(constraint.from, graph.map_from_node.size(), name + ".from"));
+  LOCI_RETURN_IF_ERROR(ValidateIndex(constraint.to, graph.map_from_node.size(), name + ".to"));
+  if (constraint.from == constraint.to) {
+    return InvalidArgumentError(name + ": joins node " + std::to_string(constraint.from) +
+                                " to itself");
+  }
+  if (!constraint.from_from_to.vector().allFinite()) {
+    return InvalidArgumentError(name + ".from_from_to: a number is not finite");
+  }
+  return ValidateInformation(constraint.information, name);
+}
+
+Status ValidateConstraint(const PoseGraph& graph,
+                          const PointConstraint& constraint,
+                          const std::string& name) {
+  LOCI_RETURN_IF_ERROR(
+      ValidateIndex(constraint.from, graph.map_from_node.size(), name + ".from"));
+  LOCI_RETURN_IF_ERROR(
+      ValidateIndex(constraint.point, graph.points_in_map.size(), name + ".point"));
+  if (!constraint.point_in_from.allFinite()) {
+    return InvalidArgumentError(name + ".point_in_from: a number is not finite");
+  }
+  return ValidateInformation(constraint.information, name);
+}
+
+// All that tells two constraints apart, in the order in which SortConstraints compares it.
+auto SortKey(const GraphConstraint& c) {
+  std::array<double, 12> numbers{c.from_from_to.x, c.from_from_to.y, c.from_from_to.theta};
+  std::copy_n(c.information.data(), 9, numbers.begin() + 3);
+  return std::make_tuple(c.from, c.to, numbers, c.robust);
+}
+auto SortKey(const PointConstraint& c) {
+  std::array<double, 6> numbers{c.point_in_from.x(), c.point_in_from.y()};
+  std::copy_n(c.information.data(), 4, numbers.begin() + 2);
+  return std::make_tuple(c.from, c.point, numbers, c.robust);
+}
+
+// The root of `item`'s tree; halves the path on the way (union-find).
+std::uint32_t FindRoot(std::vector<std::uint32_t>& parent, std::uint32_t item) {
+  while (parent[item] != item) {
+    parent[item] = parent[parent[item]];
+    item = parent[item];
+  }
+  return item;
+}
+
+// Joins two trees; the lower root stays, so that a component is named by its lowest member.
+void Join(std::vector<std::uint32_t>& parent, std::uint32_t a, std::uint32_t b) {
+  const std::uint32_t root_a = FindRoot(parent, a);
+  const std::uint32_t root_b = FindRoot(parent, b);
+  parent[std::max(root_a, root_b)] = std::min(root_a, root_b);
+}
+
+}  // namespace
+
+Eigen::Vector3d ErrorOf(const PoseGraph& graph, const GraphConstraint& constraint) {
+  const Pose2 predicted_from_from_to =
+      Inverse(graph.map_from_node[constraint.from]) * graph.map_from_node[constraint.to];
+  return (Inverse(constraint.from_from_to) * predicted_from_from_to).vector();
+}
+
+Eigen::Vector2d ErrorOf(const PoseGraph& graph, const PointConstraint& constraint) {
+  return Inverse(graph.map_from_node[constraint.from]) * graph.points_in_map[constraint.point] -
+         constraint.point_in_from;
+}
+
+double Chi2Of(const PoseGraph& graph, const GraphConstraint& constraint) {
+  const Eigen::Vector3d error = ErrorOf(graph, constraint);
+  return error.dot(constraint.information * error);
+}
+
+double Chi2Of(const PoseGraph& graph, const PointConstraint& constraint) {
+  const Eigen::Vector2d error = ErrorOf(graph, constraint);
+  return error.dot(constraint.information * error);
+}
+
+double Chi2(const PoseGraph& graph) {
+  double sum = 0.0;
+  for (const GraphConstraint& constraint : graph.constraints) {
+    sum += Chi2Of(graph, constraint);
+  }
+  for (const PointConstraint& constraint : graph.point_constraints) {
+    sum += Chi2Of(graph, constraint);
+  }
+  return sum;
+}
+
+Status ValidateGraph(const PoseGraph& graph) {
+  for (std::size_t i = 0; i < graph.map_from_node.size(); ++i) {
+    if (!graph.map_from_node[i].vector().allFinite()) {
+      return InvalidArgumentError("map_from_node[" + std::to_string(i) +
+                                  "]: a number is not finite");
+    }
+  }
+  for (std::size_t i = 0; i < graph.points_in_map.size(); ++i) {
+    if (!graph.points_in_map[i].allFinite()) {
+      return InvalidArgumentError("points_in_map[" + std::to_string(i) +
+                                  "]: a number is not finite");
+    }
+  }
+  for (std::size_t i = 0; i < graph.constraints.size(); ++i) {
+    LOCI_RETURN_IF_ERROR(ValidateConstraint(
+        graph, graph.constraints[i], "constraints[" + std::to_string(i) + "]"));
+  }
+  for (std::size_t i = 0; i < graph.point_constraints.size(); ++i) {
+    LOCI_RETURN_IF_ERROR(ValidateConstraint(
+        graph, graph.point_constraints[i], "point_constraints[" + std::to_string(i) + "]"));
+  }
+  return {};
+}
+
+void SortConstraints(PoseGraph& graph) {
+  std::sort(graph.constraints.begin(),
+            graph.constraints.end(),
+            [](const GraphConstraint& a, const GraphConstraint& b) {
+              return SortKey(a) < SortKey(b);
+            });
+  std::sort(graph.point_constraints.begin(),
+            graph.point_constraints.end(),
+            [](const PointConstraint& a, const PointConstraint& b) {
+              return SortKey(a) < SortKey(b);
+            });
+}
+
+GraphComponents FindComponents(const PoseGraph& graph) {
+  const std::size_t node_count = graph.map_from_node.size();
+  std::vector<std::uint32_t> parent(node_count + graph.points_in_map.size());
+  std::iota(parent.begin(), parent.end(), 0U);
+  for (const GraphConstraint& constraint : graph.constraints) {
+    Join(parent, constraint.from, constraint.to);
+  }
+  for (const PointConstraint& constraint : graph.point_constraints) {
+    Join(parent, constraint.from, static_cast<std::uint32_t>(node_count) + constraint.point);
+  }
+  GraphComponents components;
+  std::vector<std::uint32_t> number(parent.size());
+  for (std::uint32_t i = 0; i < parent.size(); ++i) {
+    const std::uint32_t root = FindRoot(parent, i);
+    number[i] = root == i ? components.count++ : number[root];
+  }
+  const auto first_point = number.begin() + static_cast<std::ptrdiff_t>(node_count);
+  components.of_node.assign(number.begin(), first_point);
+  components.of_point.assign(first_point, number.end());
+  return components;
+}
+
+std::vector<bool> HeldNodes(const PoseGraph& graph) {
+  const GraphComponents components = FindComponents(graph);
+  std::vector<bool> held(graph.map_from_node.size());
+  std::vector<bool> component_has_fixed(components.count);
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    held[i] = graph.IsFixed(i);
+    if (held[i]) {
+      component_has_fixed[components.of_node[i]] = true;
+    }
+  }
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    if (!component_has_fixed[components.of_node[i]]) {
+      held[i] = true;
+      component_has_fixed[components.of_node[i]] = true;
+    }
+  }
+  return held;
+}
+
+}  // namespace loci

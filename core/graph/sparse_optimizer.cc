@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gauss-Newton over the plane problem, and covariances from its factor.
+#include "core/graph/sparse_optimizer.h"
+
+#include <map>
+#include <utility>
+
+#include "core/base/check.h"
+#include "core/graph/least_squares.h"
+#include "core/graph/plane_problem.h"
+
+namespace loci {
+
+OptimizationSummary OptimizeSparse(PoseGraph& graph, const SparseOptions& options) {
+  OptimizationSummary summary;
+  summary.chi2_before = Chi2(graph);
+  PlaneProblem problem(graph, options.kernel);
+  const LeastSquaresSummary minimised =
+      Minimise(problem,
+               {.damped_from_start = options.method == SparseOptions::Method::kLevenbergMarquardt,
+                .iterations_max = options.iterations_max,
+                .relative_gain_min = options.relative_gain_min,
+                .step_min = options.step_min});
+  summary.chi2_after = Chi2(graph);
+  summary.iterations = minimised.iterations;
+  summary.cost_before = minimised.cost_before;
+  summary.cost_after = minimised.cost_after;
+  summary.converged = minimised.converged;
+  return summary;
+}
+
+struct GraphCovariance::Factor {
+  Factor(const PoseGraph& present, const RobustKernel& kernel)
+      : graph(present), problem(graph, kernel), equations(problem.BlockSizes(), problem.Pairs()) {}
+
+  // The block of the inverse for the variables of two nodes; 0 if one of them is held.
+  Eigen::Matrix3d Block(std::uint32_t row, std::uint32_t column) {
+    const std::uint32_t row_block = problem.BlockOfNode(row);
+    const std::uint32_t column_block = problem.BlockOfNode(column);
+    if (row_block == kHeldBlock || column_block == kHeldBlock) {
+      return Eigen::Matrix3d::Zero();
+    }
+    // Symmetric: take the columns that are there.
+    auto found = columns.find(column_block);
+    if (found == columns.end()) {
+      if (const auto mirrored = columns.find(row_block); mirrored != columns.end()) {
+        return mirrored->second.middleRows<3>(equations.offset(column_block)).transpose();
+      }
+      found = columns.emplace(column_block, equations.InverseColumns(column_block)).first;
+    }
+    return found->second.middleRows<3>(equations.offset(row_block));
+  }
+
+  PoseGraph graph;
+  PlaneProblem problem;
+  NormalEquations equations;
+  std::map<std::uint32_t, Eigen::MatrixXd> columns;  // of the inverse, by block
+};
+
+GraphCovariance::GraphCovariance(std::unique_ptr<Factor> factor) : factor_(std::move(factor)) {}
+GraphCovariance::~GraphCovariance() = default;
+GraphCovariance::GraphCovariance(GraphCovariance&&) noexcept = default;
+GraphCovariance& GraphCovariance::operator=(GraphCovariance&&) noexcept = default;
+
+StatusOr<GraphCovariance> GraphCovariance::Compute(const PoseGraph& graph,
+                                                   const RobustKernel& kernel) {
+  auto factor = std::make_unique<Factor>(graph, kernel);
+  factor->equations.Clear();
+  factor->problem.Linearise(factor->equations);
+  if (!factor->equations.Factor(/*damping=*/0.0)) {
+    return FailedPreconditionError(
+        "graph: its information is singular; every node must be tied in x, y and theta");
+  }
+  return GraphCovariance(std::move(factor));
+}
+
+Eigen::Matrix3d GraphCovariance::Marginal(std::uint32_t node) {
+  LOCI_CHECK(node < factor_->graph.map_from_node.size());
+  const Eigen::Matrix3d block = factor_->Block(node, node);
+  return 0.5 * (block + block.transpose());
+}
+
+// from_from_to * Exp(xi) with xi = xi_to - Adjoint(to_from_from) * xi_from, to first order.
+Eigen::Matrix3d GraphCovariance::Relative(std::uint32_t from, std::uint32_t to) {
+  const std::vector<Pose2>& map_from_node = factor_->graph.map_from_node;
+  LOCI_CHECK(from < map_from_node.size() && to < map_from_node.size());
+  if (from == to) {
+    return Eigen::Matrix3d::Zero();
+  }
+  const Eigen::Matrix3d adjoint = Adjoint(Inverse(map_from_node[to]) * map_from_node[from]);
+  const Eigen::Matrix3d from_from = factor_->Block(from, from);
+  const Eigen::Matrix3d to_from = factor_->Block(to, from);
+  const Eigen::Matrix3d to_to = factor_->Block(to, to);
+  const Eigen::Matrix3d sum = to_to + adjoint * from_from * adjoint.transpose() -
+                              to_from * adjoint.transpose() -
+                              adjoint * to_from.transpose();
+  return 0.5 * (sum + sum.transpose());
+}
+
+}  // namespace loci
