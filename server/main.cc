@@ -156,6 +156,11 @@ int main(int argc, char** argv) {
     options.http.clear();
   }
   options.data = data;
+  if (const loci::Status status = loci::CheckEndpoints(options); !status.ok()) {
+    std::fprintf(
+        stderr, "locid: %s\nRun with --help for more information.\n", status.message().c_str());
+    return kExitUsage;
+  }
   try {
     StartLog(verbose);
     return Serve(options);

@@ -44,6 +44,11 @@ Status CheckHttpEndpoint(const ServerOptions& options) {
 
 }  // namespace
 
+Status CheckEndpoints(const ServerOptions& options) {
+  LOCI_RETURN_IF_ERROR(CheckListenEndpoint(options.listen, true));
+  return options.http.empty() ? Status() : ParseHttpEndpoint(options.http).status();
+}
+
 // In the order in which they are made; each may use those before it.
 class Server::Parts {
  public:

@@ -20,6 +20,9 @@ struct ServerOptions {
   ServerLimits limits;
 };
 
+// kInvalidArgument for an endpoint that is none, whatever the machine and `insecure` say.
+Status CheckEndpoints(const ServerOptions& options);
+
 // Serves from Start to Stop. Start and Stop are called by one thread.
 class Server {
  public:

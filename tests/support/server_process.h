@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// locid as a process of its own, to be killed.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <thread>
+
+#include <gtest/gtest.h>
+#include <sys/types.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+namespace loci {
+
+class ServerProcess {
+ public:
+  // `listen` with port 0 takes a free one.
+  ServerProcess(const std::string& program,
+                const std::filesystem::path& data,
+                const std::string& listen = "tcp://127.0.0.1:0") {
+    std::array<int, 2> out{};
+    EXPECT_EQ(::pipe(out.data()), 0);
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      ::dup2(out[1], STDOUT_FILENO);
+      ::close(out[0]);
+      ::execl(program.c_str(),
+              program.c_str(),
+              "--data",
+              data.c_str(),
+              "--listen",
+              listen.c_str(),
+              "--http",
+              "127.0.0.1:0",
+              nullptr);
+      ::_exit(127);
+    }
+    ::close(out[1]);
+    std::string line;
+    for (char c = 0; ::read(out[0], &c, 1) == 1 && c != '\n';) {
+      line += c;
+    }
+    ::close(out[0]);
+    constexpr const char* kBefore = "listening rpc=";
+    EXPECT_EQ(line.rfind(kBefore, 0), 0U) << line;
+    endpoint_ = line.substr(std::string(kBefore).size());
+    endpoint_ = endpoint_.substr(0, endpoint_.find(' '));
+  }
+  ServerProcess(const ServerProcess&) = delete;
+  ServerProcess& operator=(const ServerProcess&) = delete;
+  ~ServerProcess() {
+    if (pid_ > 0) {
+      End(SIGKILL);
+    }
+  }
+
+  const std::string& endpoint() const { return endpoint_; }
+  pid_t pid() const { return pid_; }
+
+  // Sends the signal and waits for the end. The exit code, or minus the signal that ended it.
+  int End(int signal) {
+    ::kill(pid_, signal);
+    int status = 0;
+    EXPECT_EQ(::waitpid(pid_, &status, 0), pid_);
+    pid_ = -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+  }
+
+ private:
+  pid_t pid_ = -1;
+  std::string endpoint_;
+};
+
+}  // namespace loci
