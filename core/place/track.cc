@@ -30,6 +30,7 @@ constexpr double kSlideMaxM = 0.3;           // of the registration, from the se
 constexpr double kInlierFractionMin = 0.4;   // below, the match is not believed
 constexpr double kLikelihoodMin = 0.35;      // below, a wider window is tried
 constexpr std::uint32_t kUnmatchedMax = 10;  // scans; then the robot starts afresh
+constexpr double kBlindLengthM = 100.0;      // of a place that holds no scan
 constexpr double kMovingFraction = 0.7;      // of a segment's points in confidently free cells
 constexpr std::size_t kMovingPointsMin = 3;
 
@@ -189,6 +190,7 @@ std::uint64_t InsertKeyScan(const LaserScan& scan,
     }
   }
   track.place_from_key = track.place_from_robot;
+  track.matched_from_robot = {};
   track.has_key = true;
   track.recent_keys.push_back({track.place_from_robot, std::move(split.stationary)});
   if (track.recent_keys.size() > kHandOverKeys) {
@@ -237,12 +239,17 @@ std::uint64_t TakeScan(const LaserScan& scan,
 }
 
 bool WantsNewPlace(const Track& track, const PlaceSettings& settings) {
-  return track.has_key &&
-         (track.driven_m >= settings.place_length_m || track.unmatched > kUnmatchedMax);
+  // A place without a scan of its own costs nothing but its name, and is long rather than many;
+  // yet it ends, so that what it will hold lies near its origin.
+  const double length_m =
+      track.has_key ? settings.place_length_m : std::max(settings.place_length_m, kBlindLengthM);
+  return track.driven_m >= length_m || track.unmatched > kUnmatchedMax;
 }
 
 Covariance3 HandOverCovariance(const Track& track, const Place& place, std::uint64_t seed) {
-  if (track.unmatched > 0 || track.recent_keys.empty()) {
+  // What the last key scan says is true of where it was taken; further on, odometry's doubt counts.
+  const bool is_blind = HasMoved(track.matched_from_robot, kKeyStepM, kKeyStepRad);
+  if (track.unmatched > 0 || track.recent_keys.empty() || is_blind) {
     StatusOr<Covariance3> predicted = Covariance3::FromMatrix(track.covariance, "track");
     LOCI_CHECK(predicted.ok());  // sums of positive definite matrices
     return *predicted;

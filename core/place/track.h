@@ -74,11 +74,12 @@ std::uint64_t TakeScan(const LaserScan& scan,
                        Track& track,
                        Place& place);
 
-// Whether the robot should go on in a new place: driven far enough, or lost in this one.
+// Whether the robot should go on in a new place: driven far enough (without a scan of its own a
+// place may be longer), or lost in this one.
 bool WantsNewPlace(const Track& track, const PlaceSettings& settings);
 
 // How certain the robot's pose in its place is: SCRIM's sampled covariance of the last key scan
-// where that was matched; the predicted covariance where it was not.
+// where that was matched and is near; the predicted covariance where not.
 Covariance3 HandOverCovariance(const Track& track, const Place& place, std::uint64_t seed);
 
 // Continues in `next`, an empty place whose frame is the robot's present pose: the recent key scans
