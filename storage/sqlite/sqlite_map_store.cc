@@ -105,31 +105,42 @@ Status SqliteMapStore::Write(const std::function<Status()>& body) {
 
 Status SqliteMapStore::WriteInTurn(const std::function<Status()>& body) {
   LOCI_RETURN_IF_ERROR(failure_);
+  Status status = Transact(body);
+  if (status.code() == StatusCode::kResourceExhausted && MoveWal().ok()) {
+    status = Transact(body);  // what the write-ahead log held is room now
+  }
+  if (status.ok() && connection_->wal_frames() > options_.wal_frames_max) {
+    IgnoreError(MoveWal(), "the transaction is durable where it is");
+  }
+  return status;
+}
+
+Status SqliteMapStore::Transact(const std::function<Status()>& body) {
+  LOCI_RETURN_IF_ERROR(failure_);
   bool begun = false;
-  Status status = connection_->Transact([&] {
+  const Status status = connection_->Transact([&] {
     begun = true;
     return body();
   });
-  if (status.ok() && connection_->wal_frames() > options_.wal_frames_max) {
-    const Status moved = connection_->MoveWal();
-    // What was committed stays so, in the write-ahead log. It grows while the disk is full; after
-    // another error nothing more is written.
-    if (moved.code() != StatusCode::kResourceExhausted) {
-      failure_ = moved;
-    }
-  } else if (begun && !status.ok() && status.code() != StatusCode::kResourceExhausted &&
-             status.code() != StatusCode::kInvalidArgument) {
-    // After a failed fsync the kernel drops what it could not write and reports it once: to try
-    // again would take unwritten pages for durable ones. The file is recovered from its write-ahead
-    // log when it is opened again.
-    failure_ =
-        Status(status.code(), status.message() + "; open the map again when the cause is removed");
-    status = failure_;
+  return begun ? Remember(status) : status;
+}
+
+Status SqliteMapStore::MoveWal() {
+  return Remember(connection_->MoveWal());
+}
+
+// After a failed fsync the kernel drops what it could not write and reports it once: to try again
+// would take unwritten pages for durable ones. The file is recovered from its write-ahead log when
+// it is opened again. A full disk is no failure: what did not fit is known.
+Status SqliteMapStore::Remember(const Status& status) {
+  if (status.ok() || status.code() == StatusCode::kResourceExhausted ||
+      status.code() == StatusCode::kInvalidArgument) {
+    return status;
   }
-  if (!failure_.ok()) {
-    connection_->KeepWalOnClose();
-  }
-  return status;
+  connection_->KeepWalOnClose();
+  failure_ =
+      Status(status.code(), status.message() + "; open the map again when the cause is removed");
+  return failure_;
 }
 
 Status SqliteMapStore::Append(std::span<const LogEntry> entries) {
@@ -150,9 +161,13 @@ Status SqliteMapStore::Append(std::span<const LogEntry> entries) {
                                   std::to_string(kEntrySizeMax));
     }
   }
-  LogPosition end = end_;
+  LogPosition end;
+  const auto insert = [&] {
+    end = end_;
+    return log_writer_.Insert(entries, end);
+  };
   LOCI_RETURN_IF_ERROR(Within("appending events from " + std::to_string(end_.number.value + 1),
-                              WriteInTurn([&] { return log_writer_.Insert(entries, end); })));
+                              WriteInTurn(insert)));
   end_ = end;
   last_event_.store(end.number.value, std::memory_order_release);
   return {};
@@ -247,13 +262,16 @@ Status SqliteMapStore::WriteCheckpoint(const CheckpointChanges& changes) {
 }
 
 Status SqliteMapStore::Stage(const CheckpointChanges& changes, CheckpointRow& row) {
+  CheckpointRow after;
   const auto end_removed = [&]() -> Status {
+    after = row;
     for (const auto& [kind, id] : changes.removed) {
-      LOCI_RETURN_IF_ERROR(checkpoint_writer_.End(kind, id, row));
+      LOCI_RETURN_IF_ERROR(checkpoint_writer_.End(kind, id, after));
     }
     return {};
   };
   LOCI_RETURN_IF_ERROR(Write(end_removed));
+  row = after;
   std::vector<StoredRecord> part;
   std::uint64_t size = 0;
   for (const StateRecord& record : changes.written) {
@@ -269,12 +287,17 @@ Status SqliteMapStore::Stage(const CheckpointChanges& changes, CheckpointRow& ro
 }
 
 Status SqliteMapStore::StagePart(std::span<const StoredRecord> records, CheckpointRow& row) {
-  return Write([&]() -> Status {
+  CheckpointRow after;
+  const auto write = [&]() -> Status {
+    after = row;
     for (const StoredRecord& stored : records) {
-      LOCI_RETURN_IF_ERROR(checkpoint_writer_.Write(stored, row));
+      LOCI_RETURN_IF_ERROR(checkpoint_writer_.Write(stored, after));
     }
     return {};
-  });
+  };
+  LOCI_RETURN_IF_ERROR(Write(write));
+  row = after;
+  return {};
 }
 
 Status SqliteMapStore::Unstage() {

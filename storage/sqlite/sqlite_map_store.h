@@ -59,9 +59,14 @@ class SqliteMapStore final : public MapStore {
                  CheckpointWriter checkpoint_writer);
 
   Status Load();
-  // Runs `body` in one transaction, when it is this thread's turn.
+  // Runs `body` in one transaction, when it is this thread's turn. If there is no room, the
+  // write-ahead log is moved and `body` runs once more from the beginning.
   Status Write(const std::function<Status()>& body);
   Status WriteInTurn(const std::function<Status()>& body);
+  Status Transact(const std::function<Status()>& body);
+  Status MoveWal();
+  // Keeps an error after which nothing more may be written.
+  Status Remember(const Status& status);
 
   Status CheckChanges(const CheckpointChanges& changes) const;
   Status Stage(const CheckpointChanges& changes, CheckpointRow& row);
