@@ -7,10 +7,12 @@ set -euo pipefail
 usage() {
   cat <<'TEXT'
 usage: deploy/setup.sh [--bench] [--checks] [--dry-run]
+       deploy/setup.sh --runtime [--dry-run]
 
 Installs the Debian packages that Loci needs (as root, or through sudo).
   --bench    also the libraries that benchmarks compare with
   --checks   also the tools of .ci/run: formatter, linters, clang
+  --runtime  only the libraries that the installed programs need
   --dry-run  says what would be installed, and installs nothing
 TEXT
 }
@@ -31,6 +33,10 @@ packages=(
   libspdlog-dev                      # the server's log lines
   libgtest-dev libgmock-dev libbenchmark-dev
 )
+# What the programs need where they were not built.
+runtime_packages=(
+  libzmq5 libprotobuf32 libsqlite3-0 libspng0 libisal2 libzstd1 zlib1g libbz2-1.0 libspdlog1.10
+)
 # Peers of the benchmarks. A benchmark without its peer is skipped, and says so.
 bench_packages=(libmrpt-maps-dev libopencv-imgproc-dev libpng-dev)
 check_packages=(git python3 clang-14 clang-format-14 clang-tidy-14 cppcheck)
@@ -40,6 +46,7 @@ for argument in "$@"; do
   case "$argument" in
     --bench) packages+=("${bench_packages[@]}") ;;
     --checks) packages+=("${check_packages[@]}") ;;
+    --runtime) packages=("${runtime_packages[@]}") ;;
     --dry-run) dry_run=yes ;;
     -h | --help) usage; exit 0 ;;
     *) echo "setup: unknown argument $argument" >&2; usage >&2; exit 2 ;;

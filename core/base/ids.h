@@ -16,7 +16,8 @@ struct Id {
   friend constexpr auto operator<=>(const Id&, const Id&) = default;
 };
 
-// A node of the pose graph and the local map around it. Numbers start at 0 and are never used again.
+// A node of the pose graph and the local map around it. Numbers start at 0 and are never used
+// again.
 using PlaceId = Id<struct PlaceTag, std::uint32_t>;
 // One run of one robot. Numbers start at 0 in the order of opening.
 using SessionId = Id<struct SessionTag, std::uint32_t>;

@@ -5,10 +5,20 @@
 
 namespace loci {
 
-double Sin(double angle_rad) { return std::sin(angle_rad); }
-double Cos(double angle_rad) { return std::cos(angle_rad); }
-double Atan2(double y, double x) { return std::atan2(y, x); }
-double Exp(double x) { return std::exp(x); }
-double Log(double x) { return std::log(x); }
+double Sin(double angle_rad) {
+  return std::sin(angle_rad);
+}
+double Cos(double angle_rad) {
+  return std::cos(angle_rad);
+}
+double Atan2(double y, double x) {
+  return std::atan2(y, x);
+}
+double Exp(double x) {
+  return std::exp(x);
+}
+double Log(double x) {
+  return std::log(x);
+}
 
 }  // namespace loci

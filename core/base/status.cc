@@ -51,14 +51,18 @@ std::string Status::ToString() const {
   return text;
 }
 
-Status CancelledError(std::string message) { return {StatusCode::kCancelled, std::move(message)}; }
+Status CancelledError(std::string message) {
+  return {StatusCode::kCancelled, std::move(message)};
+}
 Status InvalidArgumentError(std::string message) {
   return {StatusCode::kInvalidArgument, std::move(message)};
 }
 Status DeadlineExceededError(std::string message) {
   return {StatusCode::kDeadlineExceeded, std::move(message)};
 }
-Status NotFoundError(std::string message) { return {StatusCode::kNotFound, std::move(message)}; }
+Status NotFoundError(std::string message) {
+  return {StatusCode::kNotFound, std::move(message)};
+}
 Status AlreadyExistsError(std::string message) {
   return {StatusCode::kAlreadyExists, std::move(message)};
 }
@@ -71,15 +75,23 @@ Status ResourceExhaustedError(std::string message) {
 Status FailedPreconditionError(std::string message) {
   return {StatusCode::kFailedPrecondition, std::move(message)};
 }
-Status AbortedError(std::string message) { return {StatusCode::kAborted, std::move(message)}; }
-Status OutOfRangeError(std::string message) { return {StatusCode::kOutOfRange, std::move(message)}; }
+Status AbortedError(std::string message) {
+  return {StatusCode::kAborted, std::move(message)};
+}
+Status OutOfRangeError(std::string message) {
+  return {StatusCode::kOutOfRange, std::move(message)};
+}
 Status UnimplementedError(std::string message) {
   return {StatusCode::kUnimplemented, std::move(message)};
 }
-Status InternalError(std::string message) { return {StatusCode::kInternal, std::move(message)}; }
+Status InternalError(std::string message) {
+  return {StatusCode::kInternal, std::move(message)};
+}
 Status UnavailableError(std::string message) {
   return {StatusCode::kUnavailable, std::move(message)};
 }
-Status DataLossError(std::string message) { return {StatusCode::kDataLoss, std::move(message)}; }
+Status DataLossError(std::string message) {
+  return {StatusCode::kDataLoss, std::move(message)};
+}
 
 }  // namespace loci

@@ -110,17 +110,17 @@ inline void IgnoreError(const Status& /*status*/, std::string_view /*reason*/) {
 #define LOCI_STATUS_CONCAT(a, b) LOCI_STATUS_CONCAT_INNER(a, b)
 
 // Leaves the function with the status of `expression` unless it is OK.
-#define LOCI_RETURN_IF_ERROR(expression)                \
-  do {                                                  \
-    if (::loci::Status loci_status = (expression);      \
-        !loci_status.ok()) {                            \
-      return loci_status;                               \
-    }                                                   \
+#define LOCI_RETURN_IF_ERROR(expression)                                \
+  do {                                                                  \
+    if (::loci::Status loci_status = (expression); !loci_status.ok()) { \
+      return loci_status;                                               \
+    }                                                                   \
   } while (false)
 
 // LOCI_ASSIGN_OR_RETURN(const Scan scan, DecodeScan(bytes));
 #define LOCI_ASSIGN_OR_RETURN(declaration, expression) \
-  LOCI_ASSIGN_OR_RETURN_INNER(LOCI_STATUS_CONCAT(loci_status_or_, __LINE__), declaration, expression)
+  LOCI_ASSIGN_OR_RETURN_INNER(                         \
+      LOCI_STATUS_CONCAT(loci_status_or_, __LINE__), declaration, expression)
 #define LOCI_ASSIGN_OR_RETURN_INNER(temporary, declaration, expression) \
   auto temporary = (expression);                                        \
   if (!temporary.ok()) {                                                \

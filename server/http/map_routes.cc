@@ -59,7 +59,7 @@ StatusOr<TileAddress> ParseTileAddress(std::span<const std::string> segments) {
   }
   last.remove_suffix(kTileSuffix.size());
   TileAddress address;
-  LOCI_ASSIGN_OR_RETURN(address.zoom, ParseInteger<int>(segments[0], "zoom"));
+  LOCI_ASSIGN_OR_RETURN(address.zoom, ParseInteger<int>(segments[0], "z"));
   LOCI_ASSIGN_OR_RETURN(address.x, ParseInteger<std::int32_t>(segments[1], "x"));
   LOCI_ASSIGN_OR_RETURN(address.y, ParseInteger<std::int32_t>(last, "y"));
   LOCI_RETURN_IF_ERROR(Validate(address));

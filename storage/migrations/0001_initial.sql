@@ -1,3 +1,4 @@
+-- SPDX-License-Identifier: Apache-2.0
 -- Schema 1 of a map file. docs/storage.md says what the columns mean. Never changed again: the text
 -- of a schema is compared with that of the files that have it.
 
