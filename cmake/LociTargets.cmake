@@ -18,7 +18,8 @@ if(LOCI_SANITIZE)
 endif()
 
 # loci_add_library(core SOURCES a.cc HEADERS a.h PUBLIC Eigen3::Eigen PRIVATE Ceres::ceres)
-# makes the static library loci::core, installs it with its headers and exports it.
+# makes the static library loci::core. Where the variable LOCI_EXPORT_SET names a set, the library is
+# installed with its headers and exported in it; other libraries are parts of our programs only.
 function(loci_add_library name)
   cmake_parse_arguments(PARSE_ARGV 1 ARG "" "" "SOURCES;HEADERS;PUBLIC;PRIVATE")
   add_library(loci_${name} STATIC ${ARG_SOURCES})
@@ -30,12 +31,15 @@ function(loci_add_library name)
     CXX_EXTENSIONS OFF EXPORT_NAME ${name} VERIFY_INTERFACE_HEADER_SETS ON)
   target_link_libraries(loci_${name}
     PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE} $<BUILD_INTERFACE:loci_flags>)
-  install(TARGETS loci_${name} EXPORT lociTargets
-    FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/loci)
+  if(LOCI_EXPORT_SET)
+    install(TARGETS loci_${name} EXPORT ${LOCI_EXPORT_SET}
+      FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/loci)
+  endif()
 endfunction()
 
 # loci_add_test(core_mesh_tests LABELS unit SOURCES a_test.cc PRIVATE loci::core)
-# makes one test program and registers each of its tests with ctest.
+# makes one test program and registers each of its tests with ctest. The target loci_tests_LABEL builds
+# all test programs with that label. Label those that start threads `threads`: CI runs them under TSan.
 function(loci_add_test name)
   cmake_parse_arguments(PARSE_ARGV 1 ARG "" "TIMEOUT" "LABELS;SOURCES;PRIVATE" )
   if(NOT ARG_TIMEOUT)
@@ -45,6 +49,14 @@ function(loci_add_test name)
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PRIVATE ${ARG_PRIVATE} loci_flags GTest::gmock GTest::gtest_main)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
+  foreach(label IN LISTS ARG_LABELS)
+    if(NOT TARGET loci_tests_${label})
+      add_custom_target(loci_tests_${label})
+    endif()
+    add_dependencies(loci_tests_${label} ${name})
+  endforeach()
+  # gtest_discover_tests takes lists apart unless they are escaped.
+  string(REPLACE ";" "\\;" labels "${ARG_LABELS}")
   gtest_discover_tests(${name} TEST_PREFIX "" DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT})
+    PROPERTIES LABELS "${labels}" TIMEOUT ${ARG_TIMEOUT})
 endfunction()
