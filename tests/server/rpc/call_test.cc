@@ -317,11 +317,8 @@ TEST_P(CallTest, AReaderFarBehindIsCutOff) {
   const auto sent = std::make_shared<std::atomic<int>>(0);
   RpcServer server(
       GetParam(),
-      [](const CallPointer& call) {
-        // Never answered: so the channel must go on reading.
-        static std::vector<CallPointer> kept;
-        kept.push_back(call);
-      },
+      // Not answered, so that the channel must go on reading.
+      [&](const CallPointer& call) { kept = call; },
       [&](const std::shared_ptr<ServerCall>&, const Request&) { return BigMessages(sent); });
   client::ChannelOptions small;
   small.stream_pause_bytes = 256U << 10U;
