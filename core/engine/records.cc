@@ -48,13 +48,36 @@ T& Slot(std::vector<T>& values, std::uint64_t index) {
 
 constexpr std::uint64_t kIdsMax = 1U << 22U;  // places or sessions of one map; more is damage
 
+// How many records the whole state has. The header says it, so that a lost record is missed.
+std::uint64_t RecordCount(const Engine::State& state) {
+  std::uint64_t count = 3 + state.places.size() + state.sessions.size();  // 3: the single ones
+  for (const SessionState& session : state.sessions) {
+    count += session.pieces.size();
+  }
+  return count + (state.mesh.has_value() ? 1 + state.mesh->LtrCount() : 0);
+}
+
+Status ReadHeader(const std::vector<StateRecord>& records, Engine::State& state) {
+  for (const StateRecord& record : records) {
+    if (record.kind != kHeaderRecord) {
+      continue;
+    }
+    std::uint64_t count = 0;
+    BinaryReader reader(record.bytes);
+    HeaderFields(reader, state);
+    reader(count);
+    LOCI_RETURN_IF_ERROR(reader.Finish("header record"));
+    if (count != records.size()) {
+      return DataLossError("header record: the state has " + std::to_string(count) +
+                           " records, not " + std::to_string(records.size()));
+    }
+    return {};
+  }
+  return DataLossError("header record: missing");
+}
+
 Status ReadRecord(const StateRecord& record, Engine::State& state) {
   switch (record.kind) {
-    case kHeaderRecord: {
-      BinaryReader reader(record.bytes);
-      HeaderFields(reader, state);
-      return reader.Finish("header record");
-    }
     case kGraphRecord: {
       BinaryReader reader(record.bytes);
       GraphFields(reader, state);
@@ -74,7 +97,7 @@ Status ReadRecord(const StateRecord& record, Engine::State& state) {
       return Decode(record, "session", Slot(state.sessions, record.id));
     }
     default:
-      return {};  // pieces are read when the sessions are known; the mesh reads its own
+      return {};  // the header was read; pieces follow the sessions; the mesh reads its own
   }
 }
 
@@ -189,6 +212,7 @@ Engine::RecordChanges Engine::ChangesSince(EventNumber since) const {
   RecordChanges changes;
   BinaryWriter header;
   HeaderFields(header, *state_);
+  header(RecordCount(state));
   changes.written.push_back({kHeaderRecord, 0, header.TakeBytes()});
   // Two checkpoints may follow one event; what it wrote belongs to both.
   const auto is_new = [since](EventNumber changed_by) {
@@ -234,6 +258,10 @@ void Engine::ForgetChangesUpTo(EventNumber event) {
 StatusOr<Engine> Engine::FromRecords(const std::vector<StateRecord>& records) {
   Engine engine;
   State& state = *engine.state_;
+  if (records.empty()) {
+    return engine;
+  }
+  LOCI_RETURN_IF_ERROR(ReadHeader(records, state));
   for (const StateRecord& record : records) {
     LOCI_RETURN_IF_ERROR(ReadRecord(record, state));
   }

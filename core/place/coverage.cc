@@ -70,10 +70,12 @@ std::vector<Eigen::Vector2d> Coverage::ObservedCenters() const {
 }
 
 bool Coverage::IsPossible() const {
-  constexpr std::int32_t kFarthest = 1 << 15;
+  // As far and as wide as a patch may be, in squares.
+  constexpr std::int32_t kFarthest = (1 << 17) / kCellsPerSquare;
+  constexpr std::int32_t kWidest = (1 << 16) / kCellsPerSquare + 64;
   if (!(square_size_m_ > 0.0) || width_ < 0 || height_ < 0 || width_ % 64 != 0 ||
-      width_ > kFarthest || height_ > kFarthest || std::abs(x_min_) > kFarthest ||
-      std::abs(y_min_) > kFarthest) {
+      width_ > kWidest || height_ > kWidest || x_min_ < -kFarthest || x_min_ > kFarthest ||
+      y_min_ < -kFarthest || y_min_ > kFarthest) {
     return false;
   }
   const std::size_t words =

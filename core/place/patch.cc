@@ -98,11 +98,19 @@ bool Patch::RebuildLookup() {
   rows_ = 0;
   lookup_.clear();
   points_.assign(cells_.size(), {});
+  // Further than this is damage and must not allocate: content begins at most some 1100 m from the
+  // place's origin (after driving blind) and spans a few hundred metres, at cells of 0.01 m or
+  // more.
+  constexpr std::int32_t kFarthest = 1 << 17;
+  constexpr std::int32_t kSpanMax = 1 << 16;
+  CellBox box{{kFarthest, kFarthest}, {-kFarthest, -kFarthest}};
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     const PatchCell& cell = cells_[i];
-    // A patch reaches a few hundred metres at most; further is damage and must not allocate.
-    constexpr std::int32_t kFarthest = 1 << 15;
-    const bool possible = std::abs(cell.cell.x) < kFarthest && std::abs(cell.cell.y) < kFarthest &&
+    box.min = {std::min(box.min.x, cell.cell.x), std::min(box.min.y, cell.cell.y)};
+    box.max = {std::max(box.max.x, cell.cell.x), std::max(box.max.y, cell.cell.y)};
+    const bool possible = box.min.x >= -kFarthest && box.min.y >= -kFarthest &&
+                          box.max.x <= kFarthest && box.max.y <= kFarthest &&
+                          box.max.x - box.min.x <= kSpanMax && box.max.y - box.min.y <= kSpanMax &&
                           cell.hits > 0 && std::isfinite(cell.sum_x_m) &&
                           std::isfinite(cell.sum_y_m);
     if (!possible) {
