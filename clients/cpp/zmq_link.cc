@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A link over ZeroMQ.
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
@@ -63,7 +64,6 @@ class ZmqLink : public Link {
 
   const std::string endpoint_;
   const int wake_descriptor_;
-  std::uint64_t connection_number_ = 0;
   std::optional<zmq::socket_t> dealer_;
   std::optional<zmq::socket_t> monitor_;
   bool connected_ = false;
@@ -94,9 +94,9 @@ void ZmqLink::Connect() {
   dealer_->set(zmq::sockopt::tcp_keepalive_intvl, 10);
   dealer_->set(zmq::sockopt::tcp_keepalive_cnt, 3);
   dealer_->set(zmq::sockopt::ipv6, endpoint_.find('[') != std::string::npos);
-  const std::string address = "inproc://loci-link-" +
-                              std::to_string(reinterpret_cast<std::uintptr_t>(this)) + "-" +
-                              std::to_string(++connection_number_);
+  // Never the address of a link before, which libzmq may still be closing.
+  static std::atomic<std::uint64_t> last_number{0};
+  const std::string address = "inproc://loci-link-" + std::to_string(++last_number);
   const int events = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |
                      ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
                      ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_CLOSED;

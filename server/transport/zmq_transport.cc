@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <charconv>
 #include <cstdint>
 #include <cstring>
@@ -189,8 +190,9 @@ void ZmqTransport::Loop::Configure() {
   router_.set(zmq::sockopt::tcp_keepalive_cnt, 3);
   router_.set(zmq::sockopt::ipv6, options_.endpoint.find('[') != std::string::npos);
   monitor_.set(zmq::sockopt::linger, 0);
-  const std::string address =
-      "inproc://loci-router-" + std::to_string(reinterpret_cast<std::uintptr_t>(this));
+  // Never the address of a transport before, which libzmq may still be closing.
+  static std::atomic<std::uint64_t> last_number{0};
+  const std::string address = "inproc://loci-router-" + std::to_string(++last_number);
   // ZMQ_EVENT_CLOSED would be of the listening socket only.
   const int rc = zmq_socket_monitor(
       router_.handle(), address.c_str(), ZMQ_EVENT_ACCEPTED | ZMQ_EVENT_DISCONNECTED);

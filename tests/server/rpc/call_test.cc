@@ -417,7 +417,12 @@ TEST_P(CallTest, StoppingTheServerEndsCallsWithUnavailable) {
   EXPECT_THAT(answer.get().status(), IsStatus(StatusCode::kUnavailable, "stopping"));
   call->Finish(Response());  // after the end of the dispatcher's work
   EXPECT_THAT(channel->Call<Response>(kCheck, Request()).status(),
-              IsStatus(StatusCode::kUnavailable, "is locid running there?"));
+              IsStatus(StatusCode::kUnavailable, channel->endpoint()));
+  // Once the loss is noticed, the message says what to do.
+  EXPECT_TRUE(Eventually([&] {
+    const Status status = channel->Call<Response>(kCheck, Request()).status();
+    return status.message().find("is locid running there?") != std::string::npos;
+  }));
 }
 
 TEST_P(CallTest, CountsCallsByMethodAndCode) {
