@@ -132,6 +132,24 @@ bool LtrLayer::Remove(PlaceId place) {
   return true;
 }
 
+bool LtrLayer::IsSound() const {
+  const auto is_clamped = [](LogOdds8 cell) {
+    return cell == kUnobserved || (cell >= -kLtrLogOddsMax && cell <= kLtrLogOddsMax);
+  };
+  if (base_.has_value() && !std::all_of(base_->cells.begin(), base_->cells.end(), is_clamped)) {
+    return false;
+  }
+  for (std::size_t i = 0; i < contributions_.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (contributions_[j].place == contributions_[i].place ||
+          !ObservedBefore(contributions_[j], contributions_[i])) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
 std::shared_ptr<const LtrTexture> LtrLayer::Texture(const LtrLayout& layout) const {
   if (texture_ != nullptr) {
     return texture_;

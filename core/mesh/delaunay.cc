@@ -349,28 +349,35 @@ void Triangulation::Rebuild() {
 
 // Every flip brings an old edge back and takes none away, so this comes to an end.
 void Triangulation::TakeBackEdges(const std::vector<Edge>& old_edges) {
-  const auto is_old = [&](CornerIndex a, CornerIndex b) {
-    return std::binary_search(old_edges.begin(), old_edges.end(), Unordered(a, b));
-  };
   bool changed = true;
   while (changed) {
     changed = false;
     for (TriangleIndex t = 0; t < triangles_.size(); ++t) {
-      for (std::size_t side = 0; side < 3 && IsReal(t); ++side) {
-        const Triangle& here = triangles_[t];
-        const TriangleIndex neighbour = here.neighbours[side];
-        if (neighbour == kNone || !IsReal(neighbour) ||
-            is_old(here.corners[Next(side)], here.corners[Previous(side)])) {
-          continue;
-        }
-        const Triangle& beyond = triangles_[neighbour];
-        if (is_old(here.corners[side], beyond.corners[SideOf(beyond, t)]) && FlipIsFair(t, side)) {
-          Flip(t, side);
-          changed = true;
-        }
-      }
+      changed = TakeBackEdgesOf(t, old_edges) || changed;
     }
   }
+}
+
+bool Triangulation::TakeBackEdgesOf(TriangleIndex triangle, const std::vector<Edge>& old_edges) {
+  const auto is_old = [&](CornerIndex a, CornerIndex b) {
+    return std::binary_search(old_edges.begin(), old_edges.end(), Unordered(a, b));
+  };
+  bool changed = false;
+  for (std::size_t side = 0; side < 3 && IsReal(triangle); ++side) {
+    const Triangle& here = triangles_[triangle];
+    const TriangleIndex neighbour = here.neighbours[side];
+    if (neighbour == kNone || !IsReal(neighbour) ||
+        is_old(here.corners[Next(side)], here.corners[Previous(side)])) {
+      continue;
+    }
+    const Triangle& beyond = triangles_[neighbour];
+    if (is_old(here.corners[side], beyond.corners[SideOf(beyond, triangle)]) &&
+        FlipIsFair(triangle, side)) {
+      Flip(triangle, side);
+      changed = true;
+    }
+  }
+  return changed;
 }
 
 bool Triangulation::FlipIsFair(TriangleIndex triangle, std::size_t side) const {

@@ -86,6 +86,8 @@ class Triangulation {
   void SetNeighbour(TriangleIndex triangle, TriangleIndex before, TriangleIndex now);
   std::optional<std::size_t> SideToImprove(TriangleIndex triangle) const;
   void TakeBackEdges(const std::vector<std::pair<CornerIndex, CornerIndex>>& old_edges);
+  bool TakeBackEdgesOf(TriangleIndex triangle,
+                       const std::vector<std::pair<CornerIndex, CornerIndex>>& old_edges);
   bool FlipIsFair(TriangleIndex triangle, std::size_t side) const;
 
   std::vector<SnappedPoint> points_;  // super vertices first

@@ -23,6 +23,23 @@ bool HasObserved(const LogOddsGrid::Block& block, std::int32_t first_x, std::int
   return false;
 }
 
+// Those of a block whose first cell is `first`.
+std::vector<SquareInPlace> SquaresOf(const LogOddsGrid::Block& block,
+                                     CellIndex first,
+                                     double cell_size_m) {
+  constexpr std::int32_t kStep = Footprint::kSquareCells;
+  std::vector<SquareInPlace> squares;
+  for (std::int32_t y = first.y; y < first.y + LogOddsGrid::kBlockSide; y += kStep) {
+    for (std::int32_t x = first.x; x < first.x + LogOddsGrid::kBlockSide; x += kStep) {
+      if (HasObserved(block, x, y)) {
+        squares.push_back({Eigen::Vector2d(x, y) * cell_size_m,
+                           Eigen::Vector2d(x + kStep, y + kStep) * cell_size_m});
+      }
+    }
+  }
+  return squares;
+}
+
 // Separating axes: the square's two directions and the triangle's three edges. Corners turn left.
 bool InsidesMeet(const CornersInPlace& corners, const SquareInPlace& square) {
   for (Eigen::Index axis = 0; axis < 2; ++axis) {
@@ -75,15 +92,7 @@ void Footprint::AddBlocks(const LogOddsGrid& grid, double cell_size_m) {
         continue;
       }
       Block block;
-      for (std::int32_t row = y; row < y + kSide; row += kSquareCells) {
-        for (std::int32_t column = x; column < x + kSide; column += kSquareCells) {
-          if (HasObserved(*found, column, row)) {
-            block.squares.push_back(
-                {Eigen::Vector2d(column, row) * cell_size_m,
-                 Eigen::Vector2d(column + kSquareCells, row + kSquareCells) * cell_size_m});
-          }
-        }
-      }
+      block.squares = SquaresOf(*found, {x, y}, cell_size_m);
       if (!block.squares.empty()) {
         block.bounds = block.squares.front();
         for (const SquareInPlace& square : block.squares) {

@@ -80,22 +80,19 @@ StatusOr<Mesh> Mesh::FromRecords(double cell_size_m,
                                  const std::vector<StateRecord>& records,
                                  std::span<const Pose2> map_from_place) {
   auto state = std::make_unique<State>(cell_size_m);
-  bool has_topology = false;
-  for (const StateRecord& record : records) {
-    if (record.kind == kTopologyRecord) {
-      if (has_topology || record.id != 0) {
-        return DataLossError("mesh: more than one record of its topology");
-      }
-      has_topology = true;
-      LOCI_RETURN_IF_ERROR(state->ReadTopology(record.bytes, map_from_place));
-    }
-  }
-  if (!has_topology) {
+  const auto is_topology = [](const StateRecord& record) { return record.kind == kTopologyRecord; };
+  const auto topology = std::find_if(records.begin(), records.end(), is_topology);
+  if (topology == records.end()) {
     return DataLossError("mesh: the record of its topology is missing");
   }
+  if (topology->id != 0 || std::count_if(records.begin(), records.end(), is_topology) > 1) {
+    return DataLossError("mesh: more than one record of its topology");
+  }
+  LOCI_RETURN_IF_ERROR(state->ReadTopology(topology->bytes, map_from_place));
   for (const StateRecord& record : records) {
-    if (record.kind == kLtrRecord) {
-      LOCI_RETURN_IF_ERROR(state->ReadLtr(record.id, record.bytes));
+    Status status = record.kind == kLtrRecord ? state->ReadLtr(record.id, record.bytes) : Status();
+    if (!status.ok()) {
+      return status;
     }
   }
   state->FinishReading();

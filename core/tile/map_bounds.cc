@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <set>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "core/tile/scene.h"
@@ -35,6 +36,20 @@ std::vector<Look> SortedLooks(const Scene& scene) {
   // By address: the order differs from run to run, what is found in it does not.
   std::sort(looks.begin(), looks.end());
   return looks;
+}
+
+using RowMajorTiles = std::set<std::pair<std::int32_t, std::int32_t>>;  // (y, x)
+
+// Tiles under what is not among the given looks.
+void AddTilesOfOthers(const Scene& scene, const std::vector<Look>& looks, RowMajorTiles& tiles) {
+  for (const Drawable* drawable : scene.drawables()) {
+    if (std::binary_search(looks.begin(), looks.end(), LookOf(*drawable))) {
+      continue;
+    }
+    for (const TileAddress& tile : TilesUnder(drawable->box, kDirtyTileZoom)) {
+      tiles.insert({tile.y, tile.x});
+    }
+  }
 }
 
 void ExtendByCells(const Drawable& drawable, BoxInMap& bounds) {
@@ -76,18 +91,9 @@ std::vector<TileAddress> DirtyTiles(const Snapshot& before, const Snapshot& afte
   const Scene new_scene(after, {layer, {}, true, false});
   const std::vector<Look> old_looks = SortedLooks(old_scene);
   const std::vector<Look> new_looks = SortedLooks(new_scene);
-  std::set<std::pair<std::int32_t, std::int32_t>> dirty;  // (y, x)
-  const auto mark = [&](const Scene& scene, const std::vector<Look>& others) {
-    for (const Drawable* drawable : scene.drawables()) {
-      if (!std::binary_search(others.begin(), others.end(), LookOf(*drawable))) {
-        for (const TileAddress& tile : TilesUnder(drawable->box, kDirtyTileZoom)) {
-          dirty.insert({tile.y, tile.x});
-        }
-      }
-    }
-  };
-  mark(old_scene, new_looks);
-  mark(new_scene, old_looks);
+  RowMajorTiles dirty;
+  AddTilesOfOthers(old_scene, new_looks, dirty);
+  AddTilesOfOthers(new_scene, old_looks, dirty);
   std::vector<TileAddress> tiles;
   for (const auto& [y, x] : dirty) {
     tiles.push_back({kDirtyTileZoom, x, y});

@@ -2,7 +2,7 @@
 #include "core/tile/rasterizer.h"
 
 #include <algorithm>
-#include <cmath>
+#include <limits>
 
 #include "core/base/check.h"
 
@@ -73,8 +73,8 @@ void Draw(const TexturedPolygon& polygon, const Canvas& canvas, DrawSpanFunction
     return;
   }
   std::array<Eigen::Vector2d, 4> corners;
-  double low = INFINITY;
-  double high = -INFINITY;
+  double low = std::numeric_limits<double>::infinity();
+  double high = -low;
   for (std::size_t i = 0; i < polygon.corner_count; ++i) {
     corners[i] = (polygon.corners_in_map[i] - canvas.origin_in_map) / canvas.resolution_m;
     low = std::min(low, corners[i].y());

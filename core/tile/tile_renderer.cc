@@ -9,6 +9,19 @@
 namespace loci {
 namespace {
 
+// Each pixel of the block at `to` becomes the largest of four finer ones.
+void TakeMaxima(const Canvas& finer, LogOdds8* to, std::ptrdiff_t stride) {
+  for (std::int32_t row = 0; row < finer.height / 2; ++row, to += stride) {
+    const LogOdds8* low = finer.pixels + 2 * row * finer.stride;
+    const LogOdds8* high = low + finer.stride;
+    for (std::int32_t column = 0; column < finer.width / 2; ++column) {
+      // kUnobserved is the smallest number, so it loses against everything.
+      to[column] = std::max(std::max(low[2 * column], low[2 * column + 1]),
+                            std::max(high[2 * column], high[2 * column + 1]));
+    }
+  }
+}
+
 // Renders into canvases of any resolution, by drawing where a pixel is no larger than a cell of the
 // textures and by taking maxima over pixels of half the size elsewhere.
 class Painter {
@@ -53,17 +66,7 @@ class Painter {
         finer.pixels = pixels.data();
         finer.stride = finer.width;
         Paint(candidates, finer);
-        for (std::int32_t row = 0; row < finer.height / 2; ++row) {
-          const LogOdds8* from = finer.pixels + 2 * row * finer.stride;
-          LogOdds8* to = canvas.pixels + (y + row) * canvas.stride + x;
-          for (std::int32_t column = 0; column < finer.width / 2; ++column) {
-            // kUnobserved is the smallest number, so it loses against everything.
-            const LogOdds8 low = std::max(from[2 * column], from[2 * column + 1]);
-            const LogOdds8 high =
-                std::max(from[finer.stride + 2 * column], from[finer.stride + 2 * column + 1]);
-            to[column] = std::max(low, high);
-          }
-        }
+        TakeMaxima(finer, canvas.pixels + y * canvas.stride + x, canvas.stride);
       }
     }
   }
