@@ -32,6 +32,7 @@ StatusOr<std::unique_ptr<MapDirectory>> MapDirectory::Open(std::unique_ptr<Store
                                                            const ServerLimits& limits,
                                                            const Clock& clock) {
   LOCI_ASSIGN_OR_RETURN(const std::vector<std::string> maps, store->List());
+  spdlog::info("event=maps_found count={}", maps.size());
   std::unique_ptr<MapDirectory> directory(new MapDirectory(std::move(store), limits, clock));
   const MutexLock lock(directory->mutex_);
   for (const std::string& map : maps) {
@@ -161,7 +162,7 @@ void MapDirectory::Stop(StopMode mode) {
   std::vector<std::thread> stopping;
   for (const auto& [map, host] : hosts) {
     if (host != nullptr) {
-      stopping.emplace_back([host, mode] { host->Stop(mode); });
+      stopping.emplace_back([stopped = host, mode] { stopped->Stop(mode); });
     }
   }
   for (std::thread& thread : stopping) {
