@@ -196,8 +196,11 @@ struct EventApplier {
     Predict(motion, covariance, session.track);
     if (event.scan.has_value()) {
       Place& place = state.places[session.track.place.value];
+      const Place* previous = session.track.previous.has_value()
+                                  ? &state.places[session.track.previous->value]
+                                  : nullptr;
       state.cells_integrated +=
-          TakeScan(*event.scan, PlaceSettingsOf(state.settings), session.track, place);
+          TakeScan(*event.scan, PlaceSettingsOf(state.settings), previous, session.track, place);
       place.last_stamp_ns = event.stamp_ns;
       place.changed_by = state.last_event;
       AppendPose(event, state, session);

@@ -135,7 +135,8 @@ bool PosesFit(const TrajectoryPiece& poses, std::size_t place_count) {
 
 Status CheckSession(const SessionState& session, const Engine::State& state) {
   const std::size_t places = state.places.size();
-  bool fits = session.track.place.value < places && PosesFit(session.newest, places);
+  bool fits = session.track.place.value < places && PosesFit(session.newest, places) &&
+              (!session.track.previous.has_value() || session.track.previous->value < places);
   for (const auto& piece : session.pieces) {
     fits = fits && piece != nullptr && PosesFit(*piece, places);
   }

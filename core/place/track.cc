@@ -68,20 +68,48 @@ struct SplitScan {
   std::vector<Eigen::Vector2d> moving;
 };
 
+bool IsConfidentlyFree(LogOdds8 value) {
+  return value != kUnobserved && value <= kConfidentlyFreeUnits;
+}
+
+// Where the robot's surroundings are known to be free: by this place, or by the one before where
+// this one has not looked yet.
+class FreeSpace {
+ public:
+  FreeSpace(const Place& place, const Place* previous, const Track& track, double cell_size_m)
+      : place_(place.stationary),
+        previous_(previous == nullptr ? nullptr : &previous->stationary),
+        previous_from_place_(track.previous_from_place),
+        cell_size_m_(cell_size_m) {}
+
+  bool Contains(const Eigen::Vector2d& point_in_place) const {
+    const LogOdds8 value = place_.At(CellOf(point_in_place, cell_size_m_));
+    if (IsConfidentlyFree(value)) {
+      return true;
+    }
+    // What this place took for occupied may be the very thing that moves.
+    return previous_ != nullptr && IsConfidentlyFree(previous_->At(CellOf(
+                                       previous_from_place_ * point_in_place, cell_size_m_)));
+  }
+
+ private:
+  const LogOddsGrid& place_;
+  const LogOddsGrid* previous_;
+  Transformer2 previous_from_place_;
+  double cell_size_m_;
+};
+
 // Segments whose points fall where the stationary grid is confidently free are moving (SCRIM,
 // sections II.E and V).
 SplitScan Split(std::span<const ScanPoint> points,
                 const Pose2& place_from_robot,
-                const LogOddsGrid& stationary,
-                double cell_size_m) {
+                const FreeSpace& free_space) {
   SplitScan split;
   const Transformer2 transform(place_from_robot);
   for (const Segment& segment : SegmentByDistance(points, kSegmentGapM)) {
     std::size_t in_free = 0;
     for (std::size_t i = segment.begin; i < segment.end; ++i) {
-      const LogOdds8 value =
-          stationary.At(CellOf(transform * points[i].point_in_robot, cell_size_m));
-      in_free += (value != kUnobserved && value <= kConfidentlyFreeUnits) ? 1U : 0U;
+      in_free += free_space.Contains(transform * points[i].point_in_robot) ? 1U : 0U;
     }
     const std::size_t size = segment.end - segment.begin;
     const bool is_moving =
@@ -97,7 +125,7 @@ SplitScan Split(std::span<const ScanPoint> points,
 
 // Finds the robot in its place. Leaves the track as predicted if no match is believed.
 SplitScan MatchScan(std::span<const ScanPoint> points,
-                    const PlaceSettings& settings,
+                    const FreeSpace& free_space,
                     Track& track,
                     const Place& place) {
   std::vector<Eigen::Vector2d> all;
@@ -115,7 +143,7 @@ SplitScan MatchScan(std::span<const ScanPoint> points,
     wide.half_theta_rad = 0.6;
     match = FindBestPose(search_points, predicted, wide, track.likelihood);
   }
-  SplitScan split = Split(points, match.grid_from_robot, place.stationary, settings.cell_size_m);
+  SplitScan split = Split(points, match.grid_from_robot, free_space);
 
   const std::vector<Eigen::Vector2d> registered = Thinned(split.stationary, kRegistrationPointsMax);
   RegistrationOptions options;
@@ -213,6 +241,7 @@ void Predict(const Pose2& previous_from_robot, const Eigen::Matrix3d& covariance
 
 std::uint64_t TakeScan(const LaserScan& scan,
                        const PlaceSettings& settings,
+                       const Place* previous,
                        Track& track,
                        Place& place) {
   const std::vector<ScanPoint> points = ToPoints(scan, settings.range_max_m);
@@ -230,7 +259,7 @@ std::uint64_t TakeScan(const LaserScan& scan,
   if (!is_first && !HasMoved(track.matched_from_robot, kMatchStepM, kMatchStepRad)) {
     return 0;
   }
-  split = MatchScan(points, settings, track, place);
+  split = MatchScan(points, FreeSpace(place, previous, track, settings.cell_size_m), track, place);
   const Pose2 since_key = Inverse(track.place_from_key) * track.place_from_robot;
   if (track.unmatched > 0 || (!is_first && !HasMoved(since_key, kKeyStepM, kKeyStepRad))) {
     return 0;
@@ -279,6 +308,12 @@ Pose2 HandOver(Place& next, Track& track) {
       }
     }
   }
+  if (is_lost) {
+    track.previous.reset();
+  } else {
+    track.previous = track.place;
+  }
+  track.previous_from_place = old_from_next;
   track.place = next.id;
   track.place_from_robot = {};
   track.place_from_key = {};

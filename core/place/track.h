@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -42,6 +43,11 @@ struct Track {
   std::uint32_t unmatched = 0;       // scans in a row that could not be matched
   std::vector<KeyScan> recent_keys;  // the last kHandOverKeys of this place and those before
 
+  // The place before this one, whose free space is still trusted: a new place knows none yet, and
+  // would take a person for a pillar.
+  std::optional<PlaceId> previous;
+  Pose2 previous_from_place;
+
   // Cache: made from the place's patch.
   LikelihoodGrid likelihood;
 };
@@ -53,7 +59,7 @@ template <typename Archive>
 void Fields(Archive& archive, Track& track) {
   archive(track.place, track.place_from_robot, track.covariance, track.odom_from_robot);
   archive(track.matched_from_robot, track.place_from_key, track.has_key, track.driven_m);
-  archive(track.unmatched, track.recent_keys);
+  archive(track.unmatched, track.recent_keys, track.previous, track.previous_from_place);
 }
 
 // The map's settings that concern places; see MapSettings.
@@ -68,9 +74,10 @@ struct PlaceSettings {
 void Predict(const Pose2& previous_from_robot, const Eigen::Matrix3d& covariance, Track& track);
 
 // Matches a scan against the place, corrects the robot, and inserts the scan if it is a key scan.
-// Returns the number of cells written.
+// `previous` is the place that track.previous names, or null. Returns the number of cells written.
 std::uint64_t TakeScan(const LaserScan& scan,
                        const PlaceSettings& settings,
+                       const Place* previous,
                        Track& track,
                        Place& place);
 
