@@ -2,7 +2,11 @@
 #include "core/grid/occupancy_grid.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <numeric>
+#include <utility>
 
 #include <emmintrin.h>
 
@@ -15,7 +19,9 @@ namespace {
 constexpr double kJumpM = 0.4;
 
 std::int32_t FloorToCell(double value, double cell_size_m) {
-  return static_cast<std::int32_t>(std::floor(value / cell_size_m));
+  const double cells = value / cell_size_m;
+  const std::int32_t truncated = static_cast<std::int32_t>(cells);
+  return truncated - (cells < truncated ? 1 : 0);  // std::floor, without the call
 }
 
 // The border of free space as a polygon in units of cells, star-shaped around the scanner.
@@ -33,34 +39,30 @@ std::vector<Eigen::Vector2d> FreePolygon(const LaserScan& scan,
     }
     return std::max(0.0, std::min(range_m, range_max_m) / cell_size_m - 0.5);
   };
-  const double first_rad = grid_from_laser.theta + scan.angle_min_rad;
-  const auto vertex = [&](double beam, double range) -> Eigen::Vector2d {
-    const double angle_rad = first_rad + beam * scan.angle_step_rad;
-    return center + range * Eigen::Vector2d(Cos(angle_rad), Sin(angle_rad));
-  };
-
   const std::size_t count = scan.ranges_mm.size();
   const double span_rad = scan.angle_step_rad * static_cast<double>(count);
   const bool full_turn = span_rad >= 2.0 * kPi - 0.5 * scan.angle_step_rad;
   std::vector<Eigen::Vector2d> polygon;
   polygon.reserve(count + 16);
   const double jump = kJumpM / cell_size_m;
+  // Turned from one half beam to the next: a few 1e-13 off after thousands of them, which no cell
+  // notices, and no sine or cosine for each.
+  const double first_rad = grid_from_laser.theta + scan.angle_min_rad;
+  Eigen::Vector2d direction(Cos(first_rad), Sin(first_rad));
+  const Transformer2 half_step({0.0, 0.0, 0.5 * scan.angle_step_rad});
+  double range = count == 0 ? 0.0 : free_range(0);
   for (std::size_t beam = 0; beam < count; ++beam) {
-    const double range = free_range(beam);
-    if (range > 0.0) {
-      polygon.push_back(vertex(static_cast<double>(beam), range));
-    } else {
-      polygon.push_back(center);
-    }
+    polygon.push_back(center + range * direction);
+    direction = half_step.Rotate(direction);  // of the bisector
     if (beam + 1 == count && !full_turn) {
       continue;
     }
     const double next = free_range(beam + 1 == count ? 0 : beam + 1);
     if (std::abs(next - range) > jump) {
-      const double nearer = std::min(range, next);
-      const double bisector = static_cast<double>(beam) + 0.5;
-      polygon.push_back(nearer > 0.0 ? vertex(bisector, nearer) : center);
+      polygon.push_back(center + std::min(range, next) * direction);
     }
+    direction = half_step.Rotate(direction);
+    range = next;
   }
   if (!full_turn) {
     polygon.push_back(center);
@@ -68,25 +70,49 @@ std::vector<Eigen::Vector2d> FreePolygon(const LaserScan& scan,
   return polygon;
 }
 
-// Adds one miss to cells [first, last) of a row of a block: unobserved becomes 0 first; never below
-// the clamp. Sixteen cells at a time; the masks select the cells at the ends.
-void AddMisses(LogOdds8* row, std::int32_t first, std::int32_t last) {
+// One miss for sixteen cells: unobserved becomes 0 first; never below the clamp.
+__m128i WithMiss(__m128i before) {
+  // Saturation does the clamping: what would fall below the clamp sticks at -128 and is lifted to
+  // it.
+  constexpr int kLift = 128 - kPlaceLogOddsMax;
   const __m128i unobserved = _mm_set1_epi8(kUnobserved);
-  const __m128i miss = _mm_set1_epi8(kMissUnits);
-  const __m128i low = _mm_set1_epi8(-kPlaceLogOddsMax);
-  const __m128i lane = _mm_setr_epi8(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-  for (std::int32_t x = first & ~15; x < last; x += 16) {
+  const __m128i known = _mm_andnot_si128(_mm_cmpeq_epi8(before, unobserved), before);
+  const __m128i sunk = _mm_subs_epi8(known, _mm_set1_epi8(kMissUnits + kLift));
+  return _mm_adds_epi8(sunk, _mm_set1_epi8(kLift));
+}
+
+// Adds a miss to those of sixteen cells that lie in [first, last), counted from the first of them.
+void AddMissesInside(LogOdds8* sixteen, std::int32_t first, std::int32_t last) {
+  static constexpr std::array<LogOdds8, 48> kOnesInTheMiddle = [] {
+    std::array<LogOdds8, 48> ones = {};
+    std::fill(ones.begin() + 16, ones.begin() + 32, LogOdds8{-1});
+    return ones;
+  }();
+  const auto load = [](const LogOdds8* from) {
+    return _mm_loadu_si128(reinterpret_cast<const __m128i*>(from));
+  };
+  const __m128i from_first = load(&kOnesInTheMiddle[static_cast<std::size_t>(16 - first)]);
+  const __m128i before_last = load(&kOnesInTheMiddle[static_cast<std::size_t>(32 - last)]);
+  const __m128i inside = _mm_and_si128(from_first, before_last);
+  const __m128i before = load(sixteen);
+  const __m128i after =
+      _mm_or_si128(_mm_and_si128(inside, WithMiss(before)), _mm_andnot_si128(inside, before));
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(sixteen), after);
+}
+
+// Adds one miss to cells [first, last) of a row of a block, sixteen at a time.
+void AddMisses(LogOdds8* row, std::int32_t first, std::int32_t last) {
+  std::int32_t x = first & ~15;
+  if (x != first) {
+    AddMissesInside(row + x, first - x, std::min(last - x, 16));
+    x += 16;
+  }
+  for (; x + 16 <= last; x += 16) {
     __m128i* cells = reinterpret_cast<__m128i*>(row + x);
-    const __m128i before = _mm_loadu_si128(cells);
-    __m128i after = _mm_andnot_si128(_mm_cmpeq_epi8(before, unobserved), before);
-    after = _mm_subs_epi8(after, miss);
-    const __m128i above = _mm_cmpgt_epi8(after, low);
-    after = _mm_or_si128(_mm_and_si128(above, after), _mm_andnot_si128(above, low));
-    const __m128i from = _mm_set1_epi8(static_cast<char>(std::clamp(first - x, -1, 16)));
-    const __m128i to = _mm_set1_epi8(static_cast<char>(std::clamp(last - x, -1, 16)));
-    const __m128i inside = _mm_andnot_si128(_mm_cmpgt_epi8(from, lane), _mm_cmpgt_epi8(to, lane));
-    after = _mm_or_si128(_mm_and_si128(inside, after), _mm_andnot_si128(inside, before));
-    _mm_storeu_si128(cells, after);
+    _mm_storeu_si128(cells, WithMiss(_mm_loadu_si128(cells)));
+  }
+  if (x < last) {
+    AddMissesInside(row + x, 0, last - x);
   }
 }
 
@@ -102,61 +128,122 @@ void FillSpan(std::int32_t y, std::int32_t x_first, std::int32_t x_last, LogOdds
   }
 }
 
-struct Crossing {
-  std::int32_t row;
-  double x;
+// The first cell whose centre, at cell + 0.5, is not below `value`.
+std::int32_t FirstCenterFrom(double value) {
+  const double shifted = value - 0.5;
+  const std::int32_t truncated = static_cast<std::int32_t>(shifted);
+  return truncated + (shifted > truncated ? 1 : 0);  // std::ceil, without the call
+}
+
+// Where the edges of a polygon cross the centres of rows, sorted by x in each row.
+struct Crossings {
+  std::int32_t first_row = 0;
+  std::vector<std::size_t> row_ends;  // into `xs`; row i begins where row i - 1 ends
+  std::vector<double> xs;
 };
+
+// Calls visit(low, high, first row, end of rows) for each edge that crosses a row.
+template <typename Visit>
+void ForEachCrossingEdge(std::span<const Eigen::Vector2d> polygon, Visit visit) {
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Eigen::Vector2d* low = &polygon[i];
+    const Eigen::Vector2d* high = &polygon[i + 1 == polygon.size() ? 0 : i + 1];
+    if (low->y() > high->y()) {
+      std::swap(low, high);
+    }
+    const std::int32_t first = FirstCenterFrom(low->y());
+    const std::int32_t last = FirstCenterFrom(high->y());
+    if (first < last) {
+      visit(*low, *high, first, last);
+    }
+  }
+}
+
+// Sorted by counting: there are few crossings in a row.
+Crossings FindCrossings(std::span<const Eigen::Vector2d> polygon) {
+  Crossings crossings;
+  const auto [lowest, highest] = std::minmax_element(
+      polygon.begin(), polygon.end(), [](const auto& a, const auto& b) { return a.y() < b.y(); });
+  crossings.first_row = FirstCenterFrom(lowest->y());
+  const std::int32_t row_count = FirstCenterFrom(highest->y()) - crossings.first_row;
+  crossings.row_ends.assign(static_cast<std::size_t>(std::max(row_count, 0)) + 1, 0);
+  std::size_t* ends = crossings.row_ends.data();
+  ForEachCrossingEdge(
+      polygon, [&](const auto&, const auto&, std::int32_t first, std::int32_t last) {
+        for (std::int32_t row = first - crossings.first_row; row < last - crossings.first_row;
+             ++row) {
+          ++ends[row + 1];
+        }
+      });
+  std::partial_sum(
+      crossings.row_ends.begin(), crossings.row_ends.end(), crossings.row_ends.begin());
+  crossings.xs.resize(crossings.row_ends.back());
+  // From here on ends[i] is where row i begins, and moves to its end as it is filled.
+  ForEachCrossingEdge(
+      polygon, [&](const auto& low, const auto& high, std::int32_t first, std::int32_t last) {
+        const double slope = (high.x() - low.x()) / (high.y() - low.y());
+        for (std::int32_t row = first; row < last; ++row) {
+          crossings.xs[ends[row - crossings.first_row]++] = low.x() + (row + 0.5 - low.y()) * slope;
+        }
+      });
+  crossings.row_ends.pop_back();
+  std::size_t begin = 0;
+  for (const std::size_t end : crossings.row_ends) {
+    std::sort(crossings.xs.begin() + static_cast<std::ptrdiff_t>(begin),
+              crossings.xs.begin() + static_cast<std::ptrdiff_t>(end));
+    begin = end;
+  }
+  return crossings;
+}
 
 // Cells whose centre lies in the polygon (even-odd rule) get a miss. Returns their number.
 std::uint64_t FillPolygon(std::span<const Eigen::Vector2d> polygon, LogOddsGrid& grid) {
-  std::vector<Crossing> crossings;
-  crossings.reserve(polygon.size() * 8);
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    Eigen::Vector2d a = polygon[i];
-    Eigen::Vector2d b = polygon[i + 1 == polygon.size() ? 0 : i + 1];
-    if (a.y() > b.y()) {
-      std::swap(a, b);
-    }
-    // Rows whose centre y + 0.5 lies in [a.y, b.y).
-    const std::int32_t first = static_cast<std::int32_t>(std::ceil(a.y() - 0.5));
-    const std::int32_t last = static_cast<std::int32_t>(std::ceil(b.y() - 0.5));
-    if (first >= last) {
-      continue;
-    }
-    const double slope = (b.x() - a.x()) / (b.y() - a.y());
-    for (std::int32_t row = first; row < last; ++row) {
-      crossings.push_back({row, a.x() + (row + 0.5 - a.y()) * slope});
-    }
+  if (polygon.empty()) {
+    return 0;
   }
-  std::sort(crossings.begin(), crossings.end(), [](const Crossing& a, const Crossing& b) {
-    return a.row != b.row ? a.row < b.row : a.x < b.x;
-  });
+  const Crossings crossings = FindCrossings(polygon);
   std::uint64_t written = 0;
-  for (std::size_t i = 0; i + 1 < crossings.size(); i += 2) {
-    LOCI_DCHECK(crossings[i].row == crossings[i + 1].row);
-    const std::int32_t x_first = static_cast<std::int32_t>(std::ceil(crossings[i].x - 0.5));
-    const std::int32_t x_last = static_cast<std::int32_t>(std::ceil(crossings[i + 1].x - 0.5));
-    if (x_first < x_last) {
-      FillSpan(crossings[i].row, x_first, x_last, grid);
-      written += static_cast<std::uint64_t>(x_last - x_first);
+  std::size_t i = 0;
+  std::int32_t row = crossings.first_row;
+  for (const std::size_t end : crossings.row_ends) {
+    LOCI_DCHECK((end - i) % 2 == 0);
+    for (; i < end; i += 2) {
+      const std::int32_t x_first = FirstCenterFrom(crossings.xs[i]);
+      const std::int32_t x_last = FirstCenterFrom(crossings.xs[i + 1]);
+      if (x_first < x_last) {
+        FillSpan(row, x_first, x_last, grid);
+        written += static_cast<std::uint64_t>(x_last - x_first);
+      }
     }
+    ++row;
   }
   return written;
 }
 
+// The cells of the points, each once, in the order of the points.
 std::vector<CellIndex> DistinctCells(std::span<const Eigen::Vector2d> points_in_robot,
                                      const Pose2& grid_from_robot,
                                      double cell_size_m) {
   std::vector<CellIndex> cells;
   cells.reserve(points_in_robot.size());
+  // An open hash table of positions in `cells`, plus one; at most half full.
+  const std::size_t size = std::bit_ceil(2 * points_in_robot.size() + 2);
+  std::vector<std::uint32_t> table(size, 0);
   const Transformer2 transform(grid_from_robot);
   for (const Eigen::Vector2d& point : points_in_robot) {
-    cells.push_back(CellOf(transform * point, cell_size_m));
+    const CellIndex cell = CellOf(transform * point, cell_size_m);
+    const std::uint64_t key =
+        (static_cast<std::uint64_t>(static_cast<std::uint32_t>(cell.y)) << 32U) |
+        static_cast<std::uint32_t>(cell.x);
+    std::size_t slot = static_cast<std::size_t>((key * 0x9E3779B97F4A7C15ULL) >> 32U) & (size - 1);
+    while (table[slot] != 0 && cells[table[slot] - 1] != cell) {
+      slot = (slot + 1) & (size - 1);
+    }
+    if (table[slot] == 0) {
+      cells.push_back(cell);
+      table[slot] = static_cast<std::uint32_t>(cells.size());
+    }
   }
-  std::sort(cells.begin(), cells.end(), [](CellIndex a, CellIndex b) {
-    return a.y != b.y ? a.y < b.y : a.x < b.x;
-  });
-  cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
   return cells;
 }
 
