@@ -318,6 +318,9 @@ function listen() {
   };
   events.addEventListener('revision', (event) => {
     const change = JSON.parse(event.data);
+    if (change.revision === revision) {  // the first event says again what the tiles show already
+      return;
+    }
     const first = !map.bounds_m;
     showRevision(change.revision);
     markDirty(change);
