@@ -25,20 +25,21 @@ packages=(
   protobuf-compiler libprotobuf-dev  # the contract
   libsqlite3-dev sqlite3             # storage, and a shell to look into a map file
   libboost1.74-dev                   # server: HTTP (Beast and Asio, headers only)
-  libspng-dev zlib1g-dev             # pictures
-  libisal-dev                        # fast deflate for tiles
+  libisal-dev                        # server: PNG tiles
+  libpng-dev                         # tests: reads them back
   libzstd-dev                        # stored blobs
-  libbz2-dev                         # logs as .bz2
+  zlib1g-dev libbz2-dev              # logs as .gz and .bz2
   libcli11-dev nlohmann-json3-dev    # command line
   libspdlog-dev                      # the server's log lines
-  libgtest-dev libgmock-dev libbenchmark-dev
+  libgtest-dev libgmock-dev          # tests
+  jq                                 # the demo reads answers with it
 )
 # What the programs need where they were not built.
 runtime_packages=(
-  libzmq5 libprotobuf32 libsqlite3-0 libspng0 libisal2 libzstd1 zlib1g libbz2-1.0 libspdlog1.10
+  libzmq5 libprotobuf32 libsqlite3-0 libisal2 libzstd1 zlib1g libbz2-1.0 libspdlog1.10
 )
 # Peers of the benchmarks. A benchmark without its peer is skipped, and says so.
-bench_packages=(libmrpt-maps-dev libopencv-imgproc-dev libpng-dev)
+bench_packages=(libmrpt-maps-dev libopencv-imgproc-dev)
 check_packages=(git python3 clang-14 clang-format-14 clang-tidy-14 cppcheck)
 
 dry_run=no
@@ -85,7 +86,7 @@ if [ "$(id -u)" -ne 0 ]; then
   fi
   as_root=(sudo)
 fi
-apt_options=(-o Acquire::Retries=3 -o Dpkg::Use-Pty=0)
+apt_options=(-o Acquire::Retries=3 -o DPkg::Lock::Timeout=120 -o Dpkg::Use-Pty=0)
 "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get "${apt_options[@]}" -qq update
 "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get "${apt_options[@]}" -qq install \
   --yes --no-install-recommends "${missing[@]}" > /dev/null
