@@ -22,7 +22,9 @@ double Lowered(double damping) {
   return lowered < kDampingMin ? 0.0 : lowered;
 }
 
-double Raised(double damping) { return std::max(kDampingFirst, damping * kDampingRise); }
+double Raised(double damping) {
+  return std::max(kDampingFirst, damping * kDampingRise);
+}
 
 }  // namespace
 

@@ -20,9 +20,9 @@ struct BlockPair {
 };
 
 // H is symmetric, one block of rows and columns per variable. The elimination order (minimum degree
-// over blocks) and the pattern of the factor are found once, in the constructor; the numbers may then
-// be filled in and factorised any number of times. Eigen's own Cholesky, so that the bits depend on
-// no BLAS (design.md, section 3).
+// over blocks) and the pattern of the factor are found once, in the constructor; the numbers may
+// then be filled in and factorised any number of times. Eigen's own Cholesky, so that the bits
+// depend on no BLAS (design.md, section 3).
 class NormalEquations {
  public:
   // `pairs` in the order in which AddCross names them; duplicates share their place in H.
@@ -76,9 +76,8 @@ class NormalEquations {
  private:
   // Where a cross block stands: below the diagonal, in the block column `column` of the permuted H.
   struct Cell {
-    Eigen::Index column = 0;     // first scalar column
-    std::ptrdiff_t below = 0;    // entries between the end of the diagonal block and this block
-
+    Eigen::Index column = 0;   // first scalar column
+    std::ptrdiff_t below = 0;  // entries between the end of the diagonal block and this block
     bool transposed = false;
   };
 
@@ -103,13 +102,14 @@ class NormalEquations {
   std::vector<Cell> cells_;                    // per pair
   Eigen::SparseMatrix<double> values_;         // lower triangle of the permuted H
   Eigen::SparseMatrix<double> damped_;
-  Eigen::VectorXd gradient_;                   // not permuted
+  Eigen::VectorXd gradient_;  // not permuted
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower, Eigen::NaturalOrdering<int>>
       factor_;
 };
 
-// Adds what a constraint between two variables contributes to H and g: with e the error, J_a and J_b
-// its Jacobians and W the weighted information, J^T W J and J^T W e. A block of kHeldBlock is left out.
+// Adds what a constraint between two variables contributes to H and g: with e the error, J_a and
+// J_b its Jacobians and W the weighted information, J^T W J and J^T W e. A block of kHeldBlock is
+// left out.
 inline constexpr std::uint32_t kHeldBlock = 0xFFFFFFFFU;
 
 template <int kError, int kSizeA, int kSizeB>

@@ -17,7 +17,9 @@ Eigen::Matrix2d InverseRotation(double theta) {
 }
 
 // d(R(theta) v) / d theta at theta = 0.
-Eigen::Vector2d Turned(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
+Eigen::Vector2d Turned(const Eigen::Vector2d& v) {
+  return {-v.y(), v.x()};
+}
 
 }  // namespace
 
@@ -41,12 +43,11 @@ LinearisedPair<3, 3, 3> Linearised(const PoseGraph& graph, const GraphConstraint
   return result;
 }
 
-// With p the predicted point in A: A * D gives D^-1 p, so that d e / d a = -(I, turned(p)); the point
-// moves in the map, so that d e / d l = R(a)^T.
+// With p the predicted point in A: A * D gives D^-1 p, so that d e / d a = -(I, turned(p)); the
+// point moves in the map, so that d e / d l = R(a)^T.
 LinearisedPair<2, 3, 2> Linearised(const PoseGraph& graph, const PointConstraint& constraint) {
   const Pose2& map_from_node = graph.map_from_node[constraint.from];
-  const Eigen::Vector2d predicted =
-      Inverse(map_from_node) * graph.points_in_map[constraint.point];
+  const Eigen::Vector2d predicted = Inverse(map_from_node) * graph.points_in_map[constraint.point];
   LinearisedPair<2, 3, 2> result;
   result.error = predicted - constraint.point_in_from;
   result.jacobian_a.leftCols<2>() = -Eigen::Matrix2d::Identity();
@@ -131,8 +132,7 @@ void PlaneProblem::Move(const Eigen::VectorXd& step, const NormalEquations& equa
       continue;
     }
     const Eigen::Vector3d xi = step.segment<3>(equations.offset(block_of_node_[i]));
-    graph_->map_from_node[i] =
-        graph_->map_from_node[i] * Pose2{xi.x(), xi.y(), WrapAngle(xi.z())};
+    graph_->map_from_node[i] = graph_->map_from_node[i] * Pose2{xi.x(), xi.y(), WrapAngle(xi.z())};
   }
   for (std::size_t i = 0; i < block_of_point_.size(); ++i) {
     if (block_of_point_[i] != kHeldBlock) {

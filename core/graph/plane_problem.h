@@ -13,8 +13,8 @@
 
 namespace loci {
 
-// Error and Jacobians of a constraint for right perturbations of its nodes, map_from_node * Exp(xi),
-// and for a shift of the point in the map.
+// Error and Jacobians of a constraint for right perturbations of its nodes, map_from_node *
+// Exp(xi), and for a shift of the point in the map.
 LinearisedPair<3, 3, 3> Linearised(const PoseGraph& graph, const GraphConstraint& constraint);
 LinearisedPair<2, 3, 2> Linearised(const PoseGraph& graph, const PointConstraint& constraint);
 

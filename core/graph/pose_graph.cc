@@ -49,8 +49,7 @@ Status ValidateIndex(std::uint32_t index, std::size_t count, const std::string& 
 Status ValidateConstraint(const PoseGraph& graph,
                           const GraphConstraint& constraint,
                           const std::string& name) {
-  LOCI_RETURN_IF_ERROR(
-      ValidateIndex(constraint.from, graph.map_from_node.size(), name + ".from"));
+  LOCI_RETURN_IF_ERROR(ValidateIndex(constraint.from, graph.map_from_node.size(), name + ".from"));
   LOCI_RETURN_IF_ERROR(ValidateIndex(constraint.to, graph.map_from_node.size(), name + ".to"));
   if (constraint.from == constraint.to) {
     return InvalidArgumentError(name + ": joins node " + std::to_string(constraint.from) +
@@ -65,8 +64,7 @@ Status ValidateConstraint(const PoseGraph& graph,
 Status ValidateConstraint(const PoseGraph& graph,
                           const PointConstraint& constraint,
                           const std::string& name) {
-  LOCI_RETURN_IF_ERROR(
-      ValidateIndex(constraint.from, graph.map_from_node.size(), name + ".from"));
+  LOCI_RETURN_IF_ERROR(ValidateIndex(constraint.from, graph.map_from_node.size(), name + ".from"));
   LOCI_RETURN_IF_ERROR(
       ValidateIndex(constraint.point, graph.points_in_map.size(), name + ".point"));
   if (!constraint.point_in_from.allFinite()) {
@@ -151,8 +149,8 @@ Status ValidateGraph(const PoseGraph& graph) {
     }
   }
   for (std::size_t i = 0; i < graph.constraints.size(); ++i) {
-    LOCI_RETURN_IF_ERROR(ValidateConstraint(
-        graph, graph.constraints[i], "constraints[" + std::to_string(i) + "]"));
+    LOCI_RETURN_IF_ERROR(
+        ValidateConstraint(graph, graph.constraints[i], "constraints[" + std::to_string(i) + "]"));
   }
   for (std::size_t i = 0; i < graph.point_constraints.size(); ++i) {
     LOCI_RETURN_IF_ERROR(ValidateConstraint(
@@ -162,16 +160,14 @@ Status ValidateGraph(const PoseGraph& graph) {
 }
 
 void SortConstraints(PoseGraph& graph) {
-  std::sort(graph.constraints.begin(),
-            graph.constraints.end(),
-            [](const GraphConstraint& a, const GraphConstraint& b) {
-              return SortKey(a) < SortKey(b);
-            });
-  std::sort(graph.point_constraints.begin(),
-            graph.point_constraints.end(),
-            [](const PointConstraint& a, const PointConstraint& b) {
-              return SortKey(a) < SortKey(b);
-            });
+  std::sort(
+      graph.constraints.begin(),
+      graph.constraints.end(),
+      [](const GraphConstraint& a, const GraphConstraint& b) { return SortKey(a) < SortKey(b); });
+  std::sort(
+      graph.point_constraints.begin(),
+      graph.point_constraints.end(),
+      [](const PointConstraint& a, const PointConstraint& b) { return SortKey(a) < SortKey(b); });
 }
 
 GraphComponents FindComponents(const PoseGraph& graph) {

@@ -33,28 +33,50 @@ struct GraphCovariance::Factor {
   Factor(const PoseGraph& present, const RobustKernel& kernel)
       : graph(present), problem(graph, kernel), equations(problem.BlockSizes(), problem.Pairs()) {}
 
-  // The block of the inverse for the variables of two nodes; 0 if one of them is held.
-  Eigen::Matrix3d Block(std::uint32_t row, std::uint32_t column) {
-    const std::uint32_t row_block = problem.BlockOfNode(row);
-    const std::uint32_t column_block = problem.BlockOfNode(column);
-    if (row_block == kHeldBlock || column_block == kHeldBlock) {
+  // The blocks of the inverse in the columns of `node`, which must not be held; remembers the last.
+  const Eigen::MatrixXd& Columns(std::uint32_t node) {
+    if (columns_node != node) {
+      columns = equations.InverseColumns(problem.BlockOfNode(node));
+      columns_node = node;
+      diagonal.emplace(node, columns.middleRows<3>(equations.offset(problem.BlockOfNode(node))));
+    }
+    return columns;
+  }
+
+  bool IsHeld(std::uint32_t node) const { return problem.BlockOfNode(node) == kHeldBlock; }
+
+  Eigen::Matrix3d Diagonal(std::uint32_t node) {
+    if (IsHeld(node)) {
       return Eigen::Matrix3d::Zero();
     }
-    // Symmetric: take the columns that are there.
-    auto found = columns.find(column_block);
-    if (found == columns.end()) {
-      if (const auto mirrored = columns.find(row_block); mirrored != columns.end()) {
-        return mirrored->second.middleRows<3>(equations.offset(column_block)).transpose();
-      }
-      found = columns.emplace(column_block, equations.InverseColumns(column_block)).first;
+    auto found = diagonal.find(node);
+    if (found == diagonal.end()) {
+      const Eigen::MatrixXd node_columns = equations.InverseColumns(problem.BlockOfNode(node));
+      found = diagonal
+                  .emplace(node,
+                           node_columns.middleRows<3>(equations.offset(problem.BlockOfNode(node))))
+                  .first;
     }
-    return found->second.middleRows<3>(equations.offset(row_block));
+    return found->second;
+  }
+
+  // Of a row and a column node.
+  Eigen::Matrix3d Cross(std::uint32_t row, std::uint32_t column) {
+    if (IsHeld(row) || IsHeld(column)) {
+      return Eigen::Matrix3d::Zero();
+    }
+    if (columns_node == row) {
+      return columns.middleRows<3>(equations.offset(problem.BlockOfNode(column))).transpose();
+    }
+    return Columns(column).middleRows<3>(equations.offset(problem.BlockOfNode(row)));
   }
 
   PoseGraph graph;
   PlaneProblem problem;
   NormalEquations equations;
-  std::map<std::uint32_t, Eigen::MatrixXd> columns;  // of the inverse, by block
+  std::map<std::uint32_t, Eigen::Matrix3d> diagonal;  // of the inverse, by node, as far as solved
+  std::uint32_t columns_node = kHeldBlock;
+  Eigen::MatrixXd columns;  // of the inverse, for columns_node
 };
 
 GraphCovariance::GraphCovariance(std::unique_ptr<Factor> factor) : factor_(std::move(factor)) {}
@@ -76,7 +98,7 @@ StatusOr<GraphCovariance> GraphCovariance::Compute(const PoseGraph& graph,
 
 Eigen::Matrix3d GraphCovariance::Marginal(std::uint32_t node) {
   LOCI_CHECK(node < factor_->graph.map_from_node.size());
-  const Eigen::Matrix3d block = factor_->Block(node, node);
+  const Eigen::Matrix3d block = factor_->Diagonal(node);
   return 0.5 * (block + block.transpose());
 }
 
@@ -88,12 +110,11 @@ Eigen::Matrix3d GraphCovariance::Relative(std::uint32_t from, std::uint32_t to) 
     return Eigen::Matrix3d::Zero();
   }
   const Eigen::Matrix3d adjoint = Adjoint(Inverse(map_from_node[to]) * map_from_node[from]);
-  const Eigen::Matrix3d from_from = factor_->Block(from, from);
-  const Eigen::Matrix3d to_from = factor_->Block(to, from);
-  const Eigen::Matrix3d to_to = factor_->Block(to, to);
+  const Eigen::Matrix3d from_to = factor_->Cross(from, to);
+  const Eigen::Matrix3d from_from = factor_->Diagonal(from);
+  const Eigen::Matrix3d to_to = factor_->Diagonal(to);
   const Eigen::Matrix3d sum = to_to + adjoint * from_from * adjoint.transpose() -
-                              to_from * adjoint.transpose() -
-                              adjoint * to_from.transpose();
+                              adjoint * from_to - from_to.transpose() * adjoint.transpose();
   return 0.5 * (sum + sum.transpose());
 }
 

@@ -2,13 +2,13 @@
 // Spreading of errors along tree paths.
 //
 // A constraint's path P runs from `from` up to the top, where it meets the path from `to`. With the
-// poses of all nodes expressed in their parents' frames (RSS 2007, tree parameterisation), the error
-// depends on the nodes of P only. It is spread over them in inverse proportion to their stiffness,
-// the diagonal of the Hessian's approximation that preconditions the descent: the rotation first,
-// then what remains of the translation (T-ITS 2009 does so in three dimensions; moving subtrees
-// rigidly, in the plane too, needs far fewer sweeps than the linearised update of RSS 2007).
-// The papers weigh by the full information; here a translation has one weight, the mean of both
-// directions, which turning the frame does not change.
+// poses of all nodes expressed in their parents' frames (RSS 2007, tree parameterisation), the
+// error depends on the nodes of P only. It is spread over them in inverse proportion to their
+// stiffness, the diagonal of the Hessian's approximation that preconditions the descent: the
+// rotation first, then what remains of the translation (T-ITS 2009 does so in three dimensions;
+// moving subtrees rigidly, in the plane too, needs far fewer sweeps than the linearised update of
+// RSS 2007). The papers weigh by the full information; here a translation has one weight, the mean
+// of both directions, which turning the frame does not change.
 #include "core/graph/toro_optimizer.h"
 
 #include <algorithm>
@@ -23,8 +23,6 @@ namespace {
 
 // A learning rate below this moves nothing worth the work: the constraint rests.
 constexpr double kRateMin = 1e-3;
-// TUNE
-static double kGain = getenv("G") ? atof(getenv("G")) : 1.0;
 // Stiffness that a zero information is taken for, so that shares stay finite.
 constexpr double kStiffnessMin = 1e-12;
 
@@ -186,8 +184,8 @@ void ToroOptimizer::AddToPath(std::uint32_t edge_index) {
 }
 
 // The new constraint must win as much as its information says against what is on its path already
-// (ICRA 2008, adaptive learning rates): its rate, and that of every constraint that shares a node with
-// it, becomes at least that part.
+// (ICRA 2008, adaptive learning rates): its rate, and that of every constraint that shares a node
+// with it, becomes at least that part.
 void ToroOptimizer::RaiseRates(std::uint32_t edge_index) {
   FindPath(edges_[edge_index]);
   const double compliance = PathCompliance(&Node::translation_stiffness);
@@ -259,7 +257,9 @@ void ToroOptimizer::SpreadRotation(const Edge& edge) {
   }
   const double error = WrapAngle(PoseAtTop(path_from_, edge.from).theta + edge.from_from_to.theta -
                                  PoseAtTop(path_to_, edge.to).theta);
-  const double part = std::min(1.0, kGain * edge.rate * edge.rotation_weight * compliance);
+  // One constraint against springs in a row would be met by w c / (1 + w c) of the error; the first
+  // sweeps take more, since the stiffness holds the constraint itself too.
+  const double part = std::min(1.0, edge.rate * edge.rotation_weight * compliance);
   const double per_compliance = part * error / compliance;
   const auto turn = [&](std::uint32_t index, double sign) {
     Node& node = nodes_[index];
@@ -283,7 +283,7 @@ void ToroOptimizer::SpreadTranslation(const Edge& edge) {
   const Pose2 top_from_to = PoseAtTop(path_to_, edge.to);
   const Eigen::Vector2d error =
       top_from_from * edge.from_from_to.translation() - top_from_to.translation();
-  const double part = std::min(1.0, kGain * edge.rate * edge.translation_weight * compliance);
+  const double part = std::min(1.0, edge.rate * edge.translation_weight * compliance);
   const Eigen::Vector2d per_compliance = part / compliance * error;
   ShiftPath(path_from_, edge.from, -per_compliance);
   ShiftPath(path_to_, edge.to, per_compliance);
@@ -293,11 +293,13 @@ void ToroOptimizer::SpreadTranslation(const Edge& edge) {
 void ToroOptimizer::ShiftPath(const std::vector<std::uint32_t>& path,
                               std::uint32_t end,
                               const Eigen::Vector2d& per_compliance) {
-  double top_from_parent_rad = PoseAtTop({}, path.empty() ? end : nodes_[path.front()].parent).theta;
+  double top_from_parent_rad =
+      PoseAtTop({}, path.empty() ? end : nodes_[path.front()].parent).theta;
   for (const std::uint32_t index : path) {
     Node& node = nodes_[index];
     const double share = 1.0 / std::max(kStiffnessMin, node.translation_stiffness);
-    const Eigen::Vector2d shift = Pose2{0.0, 0.0, -top_from_parent_rad} * (share * per_compliance).eval();
+    const Eigen::Vector2d shift =
+        Pose2{0.0, 0.0, -top_from_parent_rad} * (share * per_compliance).eval();
     node.parent_from_node.x += shift.x();
     node.parent_from_node.y += shift.y();
     top_from_parent_rad += node.parent_from_node.theta;

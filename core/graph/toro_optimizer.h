@@ -2,10 +2,10 @@
 // Stochastic gradient descent on a tree parameterisation of the pose graph (TORO).
 //
 // After G. Grisetti, C. Stachniss, S. Grzonka, W. Burgard: "A Tree Parameterization for Efficiently
-// Computing Maximum Likelihood Maps using Gradient Descent" (RSS 2007); G. Grisetti, D. Lodi Rizzini,
-// C. Stachniss, E. Olson, W. Burgard: "Online Constraint Network Optimization for Efficient Maximum
-// Likelihood Map Learning" (ICRA 2008); G. Grisetti, C. Stachniss, W. Burgard: "Nonlinear Constraint
-// Network Optimization for Efficient Map Learning" (T-ITS 2009).
+// Computing Maximum Likelihood Maps using Gradient Descent" (RSS 2007); G. Grisetti, D. Lodi
+// Rizzini, C. Stachniss, E. Olson, W. Burgard: "Online Constraint Network Optimization for
+// Efficient Maximum Likelihood Map Learning" (ICRA 2008); G. Grisetti, C. Stachniss, W. Burgard:
+// "Nonlinear Constraint Network Optimization for Efficient Map Learning" (T-ITS 2009).
 #pragma once
 
 #include <cstddef>
@@ -26,15 +26,17 @@ namespace loci {
 // rest does not spring open. Deterministic. Point constraints take no part.
 class ToroOptimizer {
  public:
-  // Starts at the graph's poses, every constraint at its full learning rate. The graph must be valid.
+  // Starts at the graph's poses, every constraint at its full learning rate. The graph must be
+  // valid.
   explicit ToroOptimizer(const PoseGraph& graph);
 
   // A new node. It stays alone until a constraint joins it to the rest.
   std::uint32_t AddNode(const Pose2& map_from_node, bool fixed);
 
-  // A new constraint, which must be valid. The first one of a new node hangs it into the tree, at the
-  // pose that the constraint says. One that joins two components moves the later one as a whole.
-  // Every other one raises the learning rates of those whose paths share a node with its path.
+  // A new constraint, which must be valid. The first one of a new node hangs it into the tree, at
+  // the pose that the constraint says. One that joins two components moves the later one as a
+  // whole. Every other one raises the learning rates of those whose paths share a node with its
+  // path.
   void AddConstraint(const GraphConstraint& constraint);
 
   // One pass over the constraints that still have a learning rate; returns how many they were.
@@ -44,13 +46,13 @@ class ToroOptimizer {
   std::vector<Pose2> Poses() const;
 
  private:
-  // A node hangs below its parent; what a constraint spreads over the tree, it spreads over the poses
-  // of the nodes on its path in their parents' frames.
+  // A node hangs below its parent; what a constraint spreads over the tree, it spreads over the
+  // poses of the nodes on its path in their parents' frames.
   struct Node {
     Pose2 parent_from_node;  // map_from_node for roots
     std::uint32_t parent = ToroTree::kNone;
     std::uint32_t depth = 0;
-    bool joined = false;  // some constraint names it
+    bool joined = false;                 // some constraint names it
     double rotation_stiffness = 0.0;     // sum of the weights of all constraints whose path is here
     double translation_stiffness = 0.0;  // the same, of translations
     std::vector<std::uint32_t> constraints;  // those
