@@ -159,6 +159,23 @@ void ForEachCrossingEdge(std::span<const Eigen::Vector2d> polygon, Visit visit) 
   }
 }
 
+// Sorts by insertion what is mostly two or four numbers.
+void SortFew(std::span<double> values) {
+  constexpr std::size_t kFew = 16;
+  if (values.size() > kFew) {
+    std::sort(values.begin(), values.end());
+    return;
+  }
+  for (std::size_t i = 1; i < values.size(); ++i) {
+    const double value = values[i];
+    std::size_t at = i;
+    for (; at > 0 && values[at - 1] > value; --at) {
+      values[at] = values[at - 1];
+    }
+    values[at] = value;
+  }
+}
+
 // Sorted by counting: there are few crossings in a row.
 Crossings FindCrossings(std::span<const Eigen::Vector2d> polygon) {
   Crossings crossings;
@@ -189,8 +206,7 @@ Crossings FindCrossings(std::span<const Eigen::Vector2d> polygon) {
   crossings.row_ends.pop_back();
   std::size_t begin = 0;
   for (const std::size_t end : crossings.row_ends) {
-    std::sort(crossings.xs.begin() + static_cast<std::ptrdiff_t>(begin),
-              crossings.xs.begin() + static_cast<std::ptrdiff_t>(end));
+    SortFew({crossings.xs.data() + begin, end - begin});
     begin = end;
   }
   return crossings;
