@@ -32,7 +32,7 @@ packages=(
   libcli11-dev nlohmann-json3-dev    # command line
   libspdlog-dev                      # the server's log lines
   libgtest-dev libgmock-dev          # tests
-  jq                                 # the demo reads answers with it
+  jq bzip2                           # the demo reads answers and logs with them
 )
 # What the programs need where they were not built.
 runtime_packages=(
