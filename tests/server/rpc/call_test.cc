@@ -79,14 +79,14 @@ TEST_P(CallTest, AnswersAtOnceOrLaterFromAnyThread) {
   for (const Execution execution : {Execution::kInline, Execution::kWorker, Execution::kOrdered}) {
     RpcServerOptions options;
     options.execution = execution;
-    std::vector<std::thread> others;
+    std::promise<CallPointer> arrived;
     RpcServer server(
-        GetParam(),
-        [&](const CallPointer& call) { others.emplace_back([call] { RpcServer::Serve(call); }); },
-        nullptr,
-        options);
-    EXPECT_THAT(server.Connect()->Call<Response>(kCheck, Request()), IsOk());
-    others.front().join();
+        GetParam(), [&](const CallPointer& call) { arrived.set_value(call); }, nullptr, options);
+    const auto channel = server.Connect();
+    auto answer = channel->CallFuture<Response>(kCheck, Request());
+    const CallPointer call = arrived.get_future().get();
+    std::thread([&] { RpcServer::Serve(call); }).join();
+    EXPECT_THAT(answer.get(), IsOk());
   }
 }
 
