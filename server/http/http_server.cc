@@ -130,24 +130,31 @@ class HttpServer::Implementation {
 
   void Accept() {
     acceptor_.async_accept([this](const ErrorCode& error, Tcp::socket socket) {
-      if (!acceptor_.is_open()) {
-        return;
+      if (acceptor_.is_open()) {
+        OnAccepted(error, std::move(socket));
       }
-      if (error) {
-        accept_timer_.expires_after(kAcceptPause);
-        accept_timer_.async_wait([this](const ErrorCode& cancelled) {
-          if (!cancelled) {
-            Accept();
-          }
-        });
-        return;
+    });
+  }
+
+  void OnAccepted(const ErrorCode& error, Tcp::socket socket) {
+    if (error) {
+      AcceptAfterPause();
+      return;
+    }
+    if (shared_.connections.size() < shared_.options.connection_count_max) {
+      std::make_shared<HttpConnection>(std::move(socket), shared_)->Run();
+    } else {
+      Refuse(std::move(socket));
+    }
+    Accept();
+  }
+
+  void AcceptAfterPause() {
+    accept_timer_.expires_after(kAcceptPause);
+    accept_timer_.async_wait([this](const ErrorCode& cancelled) {
+      if (!cancelled) {
+        Accept();
       }
-      if (shared_.connections.size() < shared_.options.connection_count_max) {
-        std::make_shared<HttpConnection>(std::move(socket), shared_)->Run();
-      } else {
-        Refuse(std::move(socket));
-      }
-      Accept();
     });
   }
 
