@@ -106,8 +106,12 @@ void AddCommand(CLI::App& root,
                 CommonOptions& common,
                 const Command** chosen) {
   CLI::App* app = NodeOf(root, command.name);
-  app->description(command.help);
-  app->footer(Examples(command.examples));
+  // The first sentence stands in lists of commands, all of them in the command's own help.
+  const std::size_t first_end = command.help.find(". ");
+  const bool more = first_end != std::string::npos;
+  app->description(command.help.substr(0, more ? first_end + 1 : std::string::npos));
+  app->footer((more ? command.help.substr(first_end + 2) + "\n\n" : "") +
+              Examples(command.examples));
   for (const Argument& argument : command.arguments) {
     AddArgument(*app, argument);
   }

@@ -6,10 +6,13 @@
 #include <vector>
 
 #include "clients/cli/command_line.h"
+#include "clients/cli/eval_command.h"
 #include "clients/cli/export_command.h"
 #include "clients/cli/map_command.h"
 #include "clients/cli/query_command.h"
+#include "clients/cli/render_command.h"
 #include "clients/cli/session_command.h"
+#include "clients/cli/simulate_command.h"
 #include "clients/cli/status_command.h"
 #include "clients/cli/stream_command.h"
 #include "clients/cli/watch_command.h"
@@ -20,11 +23,14 @@ std::vector<loci::cli::Command> AllCommands() {
   std::vector<loci::cli::Command> commands = {loci::cli::MakeStatusCommand(),
                                               loci::cli::MakeStreamCommand(),
                                               loci::cli::MakeSessionListCommand(),
+                                              loci::cli::MakeRenderCommand(),
                                               loci::cli::MakeTileCommand(),
                                               loci::cli::MakeWatchCommand(),
-                                              loci::cli::MakeCallCommand()};
-  for (std::vector<loci::cli::Command> more :
-       {loci::cli::MakeMapCommands(), loci::cli::MakeExportCommands()}) {
+                                              loci::cli::MakeCallCommand(),
+                                              loci::cli::MakeSimulateCommand()};
+  for (std::vector<loci::cli::Command> more : {loci::cli::MakeMapCommands(),
+                                               loci::cli::MakeExportCommands(),
+                                               loci::cli::MakeEvalCommands()}) {
     std::move(more.begin(), more.end(), std::back_inserter(commands));
   }
   return commands;

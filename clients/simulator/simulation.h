@@ -1,39 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-// Driving through a scenario: what the robots truly did and what their sensors said.
+// Drives a scenario: scans and odometry as a robot would log them, and the truth.
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "clients/simulator/scenario.h"
-#include "core/base/status.h"
-#include "core/geometry/se2.h"
 
 namespace loci::simulator {
 
-// One scan and where it was taken.
 struct SimulatedScan {
-  double stamp_s = 0.0;
-  Pose2 building_from_robot;     // the truth
-  Pose2 odom_from_robot;         // what the wheels say; the identity at the start
-  std::vector<double> ranges_m;  // the sensor's maximum reading where nothing was met
+  std::int64_t stamp_ns = 0;
+  Pose2 map_from_robot;   // the truth
+  Pose2 odom_from_robot;  // what odometry says; the identity at the beginning
+  // Metres; laser.range_max_m for nothing seen.
+  std::vector<double> ranges_m;
 };
 
-// One run, driven.
-struct SimulatedRun {
+struct SimulatedSession {
   std::string robot;
   std::string session;
-  std::size_t day = 0;
+  std::uint64_t day = 0;
+  LaserSettings laser;
+  Pose2 map_from_start;
+  double distance_m = 0.0;
   std::vector<SimulatedScan> scans;
-  std::vector<Eigen::Vector2d> wall_points;  // what true beams met of walls, within 15 m
 };
 
-// Ranges at or above this mean that nothing was seen, as the SICK scanners of the public logs say.
-inline constexpr double kNothingSeenM = 81.91;
-
-// Drives all runs. The same scenario and seed give the same numbers.
-std::vector<SimulatedRun> Simulate(const Scenario& scenario, std::uint64_t seed);
+// The same scenario and seed give the same, to the last bit. Robots that drive on one day see each
+// other; people step aside for robots.
+std::vector<SimulatedSession> Simulate(const Scenario& scenario, std::uint64_t seed);
 
 }  // namespace loci::simulator
