@@ -59,8 +59,13 @@ function(loci_add_test name)
     endif()
     add_dependencies(loci_tests_${label} ${name})
   endforeach()
-  # gtest_discover_tests takes lists apart unless they are escaped.
-  string(REPLACE ";" "\\;" labels "${ARG_LABELS}")
-  gtest_discover_tests(${name} TEST_PREFIX "" DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS "${labels}" TIMEOUT ${ARG_TIMEOUT})
+  # gtest_discover_tests takes lists in PROPERTIES apart: labels are set by a file that ctest reads.
+  gtest_discover_tests(${name} TEST_PREFIX "" DISCOVERY_TIMEOUT 60 TEST_LIST ${name}_list
+    PROPERTIES TIMEOUT ${ARG_TIMEOUT})
+  file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/${name}_labels.cmake
+    "if(${name}_list)\n"
+    "  set_tests_properties(\${${name}_list} PROPERTIES LABELS \"${ARG_LABELS}\")\n"
+    "endif()\n")
+  set_property(DIRECTORY APPEND PROPERTY
+    TEST_INCLUDE_FILES ${CMAKE_CURRENT_BINARY_DIR}/${name}_labels.cmake)
 endfunction()
