@@ -280,7 +280,8 @@ Status Run(const Arguments& arguments) {
     options.radius_m = 12.0;
     snapshot = std::make_shared<const Snapshot>(testing::MakeSnapshot(options));
   } else {
-    LOCI_ASSIGN_OR_RETURN(snapshot, MapOfLog(arguments.log));
+    LOCI_ASSIGN_OR_RETURN(const MappedLog mapped, MapOfLog(arguments.log));
+    snapshot = mapped.snapshot;
   }
   const std::vector<TileAddress> tiles = TilesWithContent(*snapshot);
   if (tiles.empty()) {
