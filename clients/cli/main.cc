@@ -9,6 +9,7 @@
 #include "clients/cli/eval_command.h"
 #include "clients/cli/export_command.h"
 #include "clients/cli/map_command.h"
+#include "clients/cli/offline/graph_command.h"
 #include "clients/cli/query_command.h"
 #include "clients/cli/render_command.h"
 #include "clients/cli/session_command.h"
@@ -30,7 +31,8 @@ std::vector<loci::cli::Command> AllCommands() {
                                               loci::cli::MakeSimulateCommand()};
   for (std::vector<loci::cli::Command> more : {loci::cli::MakeMapCommands(),
                                                loci::cli::MakeExportCommands(),
-                                               loci::cli::MakeEvalCommands()}) {
+                                               loci::cli::MakeEvalCommands(),
+                                               loci::cli::MakeGraphCommands()}) {
     std::move(more.begin(), more.end(), std::back_inserter(commands));
   }
   return commands;

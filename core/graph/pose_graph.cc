@@ -4,39 +4,14 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <numeric>
 #include <string>
 #include <tuple>
 
-#include <Eigen/Eigenvalues>
-
-#include "core/base/check.h"
+#include "core/graph/information.h"
 
 namespace loci {
 namespace {
-
-// Information matrices come from text with six digits or so: their rounding must pass.
-constexpr double kAsymmetryMax = 1e-6;
-constexpr double kNegativeEigenvalueMax = 1e-9;
-
-template <typename Matrix>
-Status ValidateInformation(const Matrix& information, const std::string& name) {
-  if (!information.allFinite()) {
-    return InvalidArgumentError(name + ".information: a number is not finite");
-  }
-  const double largest = information.cwiseAbs().maxCoeff();
-  if ((information - information.transpose()).cwiseAbs().maxCoeff() > kAsymmetryMax * largest) {
-    return InvalidArgumentError(name + ".information: not symmetric");
-  }
-  const Eigen::SelfAdjointEigenSolver<Matrix> solver(information, Eigen::EigenvaluesOnly);
-  const double smallest = solver.eigenvalues().minCoeff();
-  if (smallest < -kNegativeEigenvalueMax * largest) {
-    return InvalidArgumentError(name + ".information: eigenvalue " + std::to_string(smallest) +
-                                ", must be >= 0");
-  }
-  return {};
-}
 
 Status ValidateIndex(std::uint32_t index, std::size_t count, const std::string& field) {
   if (index >= count) {
@@ -58,7 +33,7 @@ Status ValidateConstraint(const PoseGraph& graph,
   if (!constraint.from_from_to.vector().allFinite()) {
     return InvalidArgumentError(name + ".from_from_to: a number is not finite");
   }
-  return ValidateInformation(constraint.information, name);
+  return ValidateInformation(constraint.information, name + ".information");
 }
 
 Status ValidateConstraint(const PoseGraph& graph,
@@ -70,7 +45,7 @@ Status ValidateConstraint(const PoseGraph& graph,
   if (!constraint.point_in_from.allFinite()) {
     return InvalidArgumentError(name + ".point_in_from: a number is not finite");
   }
-  return ValidateInformation(constraint.information, name);
+  return ValidateInformation(constraint.information, name + ".information");
 }
 
 // All that tells two constraints apart, in the order in which SortConstraints compares it.

@@ -63,8 +63,8 @@ double Chi2Of(const PoseGraph& graph, const PointConstraint& constraint);
 double Chi2(const PoseGraph& graph);
 
 // kInvalidArgument, naming the constraint and the field, if an index is out of range, a constraint
-// joins a node to itself, a number is not finite, or an information is not symmetric (to 1e-6 of
-// its largest entry) positive semidefinite (no eigenvalue below -1e-9 of the largest).
+// joins a node to itself, a number is not finite, or an information is not symmetric positive
+// semidefinite (core/graph/information.h).
 Status ValidateGraph(const PoseGraph& graph);
 
 // Puts constraints into the order (from, to, pose before point, measurement, information, robust),

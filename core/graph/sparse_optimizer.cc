@@ -11,16 +11,18 @@
 
 namespace loci {
 
+LeastSquaresOptions LeastSquaresOptionsFrom(const SparseOptions& options) {
+  return {.damped_from_start = options.method == SparseOptions::Method::kLevenbergMarquardt,
+          .iterations_max = options.iterations_max,
+          .relative_gain_min = options.relative_gain_min,
+          .step_min = options.step_min};
+}
+
 OptimizationSummary OptimizeSparse(PoseGraph& graph, const SparseOptions& options) {
   OptimizationSummary summary;
   summary.chi2_before = Chi2(graph);
   PlaneProblem problem(graph, options.kernel);
-  const LeastSquaresSummary minimised =
-      Minimise(problem,
-               {.damped_from_start = options.method == SparseOptions::Method::kLevenbergMarquardt,
-                .iterations_max = options.iterations_max,
-                .relative_gain_min = options.relative_gain_min,
-                .step_min = options.step_min});
+  const LeastSquaresSummary minimised = Minimise(problem, LeastSquaresOptionsFrom(options));
   summary.chi2_after = Chi2(graph);
   summary.iterations = minimised.iterations;
   summary.cost_before = minimised.cost_before;

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "core/base/status.h"
+#include "core/graph/least_squares.h"
 #include "core/graph/pose_graph.h"
 #include "core/graph/robust_kernel.h"
 
@@ -28,6 +29,9 @@ struct SparseOptions {
   RobustKernel kernel;  // for constraints marked robust
 };
 
+// What the minimiser takes of them.
+LeastSquaresOptions LeastSquaresOptionsFrom(const SparseOptions& options);
+
 struct OptimizationSummary {
   int iterations = 0;        // steps that were taken
   double chi2_before = 0.0;  // sum of e^T Omega e, without kernel
@@ -44,8 +48,8 @@ OptimizationSummary OptimizeSparse(PoseGraph& graph, const SparseOptions& option
 // Covariances of nodes, from the factor of the normal equations at the graph's present poses.
 //
 // Order (x, y, theta), right perturbation: map_from_node * Exp(xi). Held nodes have covariance 0.
-// Keeps no reference to the graph. Not thread-safe: it remembers what it has
-// solved. Each new pair costs two solves; pairs with the same `to` in a row cost one.
+// Keeps no reference to the graph. Not thread-safe: it remembers what it has solved. Each new pair
+// costs two solves; pairs with the same `to` in a row cost one.
 class GraphCovariance {
  public:
   // kFailedPrecondition if the equations are singular: a node is not tied in all its directions.
