@@ -292,7 +292,7 @@ StatusOr<GridAgreement> CompareGrids(const OccupancyMap& estimate, const Occupan
   const Mask found = MaskOf(estimate, truth, frame, occupied);
   const Mask real = MaskOf(truth, truth, frame, occupied);
   const Mask observed =
-      Dilate(MaskOf(estimate, truth, frame, [](Cell cell) { return cell != Cell::kUnknown; }), 2);
+      Dilate(MaskOf(estimate, truth, frame, [](Cell cell) { return cell != Cell::kUnknown; }), 1);
   const Mask found_wide = Dilate(found, 1);
   const Mask real_wide = Dilate(real, 1);
   std::size_t both = 0;

@@ -47,8 +47,9 @@ StatusOr<TrajectoryErrors> CompareTrajectories(const std::vector<StampedPose2>& 
                                                std::int64_t gap_max_ns);
 
 struct GridAgreement {
-  // Occupied cells of both, dilated by one cell: intersection over union. `iou` where the estimate
-  // has observed anything within two cells, `iou_everywhere` with the rooms that nobody has seen.
+  // Occupied cells of both, dilated by one cell: intersection over union. `iou` where the
+  // estimate has observed the cell or one beside it, so that the far face of a wall that was seen
+  // from one side does not count; `iou_everywhere` with all that nobody has seen.
   double iou = 0.0;
   double iou_everywhere = 0.0;
   double precision = 0.0;  // share of the estimate's occupied cells that touch a true one

@@ -91,7 +91,7 @@ std::string SummaryOf(const simulator::Scenario& scenario,
                       const std::vector<SimulatedSession>& sessions) {
   JsonWriter json;
   json.BeginObject().Key("scenario").Value(scenario.name).Key("seed").Value(seed);
-  json.Key("plan").Value("plan.yaml").Key("sessions").BeginArray();
+  json.Key("floor_plan").Value("plan.yaml").Key("runs").BeginArray();
   for (const SimulatedSession& session : sessions) {
     const Pose2& start = session.map_from_start;
     json.BeginObject();
