@@ -205,9 +205,14 @@ Status MappingSession::Impl::Open() {
   }
   const SteadyTime since = Now();
   milliseconds backoff = kBackoffMin;
+  CallOptions attempt = Attempt(std::min(kAttemptMax, options_.retry_for));
+  if (options_.retry_for <= milliseconds::zero()) {
+    attempt.timeout = kAttemptMax;  // zero would be none
+    attempt.wait_for_ready = false;
+  }
   while (true) {
-    const StatusOr<v1::SessionState> state = channel_->Call<v1::SessionState>(
-        kOpenSession, request, Attempt(std::min(kAttemptMax, options_.retry_for)));
+    const StatusOr<v1::SessionState> state =
+        channel_->Call<v1::SessionState>(kOpenSession, request, attempt);
     if (state.ok()) {
       shared_->progress.last_durable_number = state->last_durable_number();
       shared_->progress.last_appended_number = state->last_durable_number();
@@ -270,21 +275,26 @@ StatusOr<v1::SessionState> MappingSession::Impl::Close() {
   request.set_map(options_.map);
   request.set_session(options_.session);
   const SteadyTime until = Now() + options_.close_max;
-  SteadyTime since = Now();
+  std::optional<SteadyTime> trouble_since;
   milliseconds backoff = kBackoffMin;
   while (true) {
     const SteadyTime begin = Now();
-    const auto left = std::chrono::ceil<milliseconds>(until - begin);
+    // Does not wait for a server that is away: the call may take as long as close_max, the wait may
+    // not.
+    CallOptions options;
+    options.timeout = std::chrono::ceil<milliseconds>(until - begin);
     StatusOr<v1::SessionState> state =
-        channel_->Call<v1::SessionState>(kCloseSession, request, Attempt(left));
+        channel_->Call<v1::SessionState>(kCloseSession, request, options);
     if (state.ok() || !MayPass(state.status()) || Now() >= until) {
       return state;
     }
-    if (Now() - begin > kAttemptMax) {
-      since = Now();  // the server had been at work: only now it went away
+    // After more time than an attempt to connect takes, the server had been at work: only now it
+    // went away.
+    if (!trouble_since.has_value() || Now() - begin > 2 * kAttemptMax) {
+      trouble_since = Now();
       backoff = kBackoffMin;
     }
-    if (GivesUp(since)) {
+    if (GivesUp(*trouble_since)) {
       return state;
     }
     Report(state.status());

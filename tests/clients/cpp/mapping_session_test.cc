@@ -373,5 +373,36 @@ TEST_F(MappingSessionTest, OpeningWaitsForTheServer) {
   EXPECT_EQ(disk_.opened, 1);
 }
 
+TEST_F(MappingSessionTest, OpeningWithoutPatienceFailsAtOnceWhenTheServerIsAway) {
+  Open();
+  StopServer();
+  MappingSessionOptions options;
+  options.map = "m";
+  options.session = "s";
+  options.robot = "r";
+  options.retry_for = milliseconds(0);
+  EXPECT_THAT(MappingSession::Open(channel_, options).status(), IsStatus(StatusCode::kUnavailable));
+}
+
+TEST_F(MappingSessionTest, ClosingGivesUpWhenTheServerStaysAway) {
+  MappingSessionOptions options;
+  options.retry_for = milliseconds(200);
+  const auto session = Open(options);
+  ASSERT_THAT(session->Append(At(0)), IsOk());
+  ASSERT_THAT(session->Flush(), IsOk());
+  StopServer();
+  EXPECT_THAT(session->Close().status(), IsStatus(StatusCode::kUnavailable));
+}
+
+TEST_F(MappingSessionTest, ClosingWaitsForAServerThatComesBack) {
+  const auto session = Open();
+  ASSERT_THAT(session->Append(At(0)), IsOk());
+  ASSERT_THAT(session->Flush(), IsOk());
+  StopServer();
+  std::thread starter([&] { StartServer(); });
+  EXPECT_THAT(session->Close(), IsOk());
+  starter.join();
+}
+
 }  // namespace
 }  // namespace loci
