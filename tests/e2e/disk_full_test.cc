@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A disk of a few megabytes that fills up while a robot streams, and gets room again.
-#include <chrono>
 #include <csignal>
-#include <filesystem>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/mount.h>
 
 #include "clients/cpp/channel.h"
 #include "loci/v1/map_admin.pb.h"
@@ -18,35 +14,11 @@
 #include "tests/support/observation_messages.h"
 #include "tests/support/room_drive.h"
 #include "tests/support/server_process.h"
+#include "tests/support/small_disk.h"
 #include "tests/support/temporary_directory.h"
 
 namespace loci {
 namespace {
-
-// A tmpfs, which needs the right to mount.
-class SmallDisk {
- public:
-  explicit SmallDisk(const std::string& size) {
-    mounted_ =
-        ::mount("tmpfs", directory_.path().c_str(), "tmpfs", 0, ("size=" + size).c_str()) == 0;
-  }
-  ~SmallDisk() {
-    if (mounted_) {
-      ::umount2(directory_.path().c_str(), MNT_DETACH);
-    }
-  }
-  bool mounted() const { return mounted_; }
-  void Resize(const std::string& size) {
-    ASSERT_EQ(
-        ::mount("tmpfs", directory_.path().c_str(), "tmpfs", MS_REMOUNT, ("size=" + size).c_str()),
-        0);
-  }
-  std::filesystem::path path() const { return directory_.path() / "maps"; }
-
- private:
-  TemporaryDirectory directory_;
-  bool mounted_ = false;
-};
 
 class DiskFullTest : public testing::Test {
  protected:

@@ -3,14 +3,13 @@
 #pragma once
 
 #include <array>
-#include <chrono>
 #include <csignal>
-#include <cstdio>
+#include <cstdint>
 #include <filesystem>
 #include <string>
-#include <thread>
 
 #include <gtest/gtest.h>
+#include <sys/prctl.h>
 #include <sys/types.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -27,6 +26,7 @@ class ServerProcess {
     EXPECT_EQ(::pipe(out.data()), 0);
     pid_ = ::fork();
     if (pid_ == 0) {
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // it does not outlive a test that crashes
       ::dup2(out[1], STDOUT_FILENO);
       ::close(out[0]);
       ::execl(program.c_str(),
@@ -50,6 +50,8 @@ class ServerProcess {
     EXPECT_EQ(line.rfind(kBefore, 0), 0U) << line;
     endpoint_ = line.substr(std::string(kBefore).size());
     endpoint_ = endpoint_.substr(0, endpoint_.find(' '));
+    http_port_ = PortOf(line);
+    rpc_port_ = PortOf(endpoint_);
   }
   ServerProcess(const ServerProcess&) = delete;
   ServerProcess& operator=(const ServerProcess&) = delete;
@@ -60,6 +62,8 @@ class ServerProcess {
   }
 
   const std::string& endpoint() const { return endpoint_; }
+  std::uint16_t rpc_port() const { return rpc_port_; }
+  std::uint16_t http_port() const { return http_port_; }
   pid_t pid() const { return pid_; }
 
   // Sends the signal and waits for the end. The exit code, or minus the signal that ended it.
@@ -72,8 +76,15 @@ class ServerProcess {
   }
 
  private:
+  // What stands behind the last colon.
+  static std::uint16_t PortOf(const std::string& text) {
+    return static_cast<std::uint16_t>(std::stoul(text.substr(text.rfind(':') + 1)));
+  }
+
   pid_t pid_ = -1;
   std::string endpoint_;
+  std::uint16_t rpc_port_ = 0;
+  std::uint16_t http_port_ = 0;
 };
 
 }  // namespace loci

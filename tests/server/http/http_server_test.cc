@@ -13,7 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "core/base/random.h"
-#include "tests/server/http/raw_client.h"
+#include "tests/support/raw_client.h"
 
 namespace loci {
 namespace {

@@ -17,7 +17,7 @@
 #include "server/http/http_server.h"
 #include "server/http/revision_events.h"
 #include "server/http/viewer_files.h"
-#include "tests/server/http/raw_client.h"
+#include "tests/support/raw_client.h"
 #include "tests/support/snapshots.h"
 
 namespace loci {

@@ -2,6 +2,7 @@
 // A client that sends any bytes: for requests that no library would make.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -10,6 +11,7 @@
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <unistd.h>
@@ -20,7 +22,8 @@ namespace loci {
 
 class RawClient {
  public:
-  explicit RawClient(std::uint16_t port) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
+  explicit RawClient(std::uint16_t port)
+      : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
     LOCI_CHECK(socket_ >= 0);
     sockaddr_in address = {};
     address.sin_family = AF_INET;
@@ -64,6 +67,22 @@ class RawClient {
     while (ReadMore()) {
     }
     return std::exchange(received_, "");
+  }
+
+  // Whether the server closes the connection within `limit`; what it says before is kept.
+  bool IsClosedWithin(std::chrono::milliseconds limit) {
+    const auto end = std::chrono::steady_clock::now() + limit;
+    while (true) {
+      const auto left =
+          std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+      pollfd waiting = {.fd = socket_, .events = POLLIN, .revents = 0};
+      if (left.count() <= 0 || ::poll(&waiting, 1, static_cast<int>(left.count())) != 1) {
+        return false;
+      }
+      if (!ReadMore()) {
+        return true;
+      }
+    }
   }
 
   // One answer with Content-Length.
