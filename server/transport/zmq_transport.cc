@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <charconv>
 #include <cstdint>
 #include <cstring>
 #include <deque>
@@ -15,7 +14,6 @@
 #include <utility>
 #include <vector>
 
-#include <arpa/inet.h>
 #include <pthread.h>
 #include <signal.h>
 #include <sys/eventfd.h>
@@ -26,6 +24,7 @@
 #include "core/base/check.h"
 #include "server/base/mutex.h"
 #include "server/transport/connection_watch.h"
+#include "server/transport/listen_endpoint.h"
 
 namespace loci {
 namespace {
@@ -44,38 +43,6 @@ constexpr std::chrono::milliseconds kWatchInterval{100};
 constexpr std::chrono::milliseconds kBlockedRetry{5};
 constexpr std::chrono::milliseconds kDrainCheck{2};
 
-struct HostAndPort {
-  std::string host;
-  std::uint16_t port = 0;
-};
-
-std::optional<HostAndPort> ParseEndpoint(std::string_view endpoint) {
-  constexpr std::string_view kScheme = "tcp://";
-  const std::size_t colon = endpoint.rfind(':');
-  if (!endpoint.starts_with(kScheme) || colon == std::string_view::npos ||
-      colon <= kScheme.size()) {
-    return std::nullopt;
-  }
-  HostAndPort result;
-  result.host = endpoint.substr(kScheme.size(), colon - kScheme.size());
-  const std::string_view digits = endpoint.substr(colon + 1);
-  const auto [end, error] =
-      std::from_chars(digits.data(), digits.data() + digits.size(), result.port);
-  if (error != std::errc() || end != digits.data() + digits.size()) {
-    return std::nullopt;
-  }
-  return result;
-}
-
-bool IsLoopback(std::string_view host) {
-  if (host == "localhost" || host == "[::1]") {
-    return true;
-  }
-  in_addr address{};
-  return inet_pton(AF_INET, std::string(host).c_str(), &address) == 1 &&
-         (ntohl(address.s_addr) >> 24U) == 127U;
-}
-
 // What libzmq holds until the bytes of a body have gone to the system.
 struct BodyOnTheWay {
   std::string body;
@@ -93,21 +60,6 @@ void ReleaseBody(void* /*data*/, void* hint) {
 }
 
 }  // namespace
-
-Status CheckListenEndpoint(std::string_view endpoint, bool insecure) {
-  const std::optional<HostAndPort> parsed = ParseEndpoint(endpoint);
-  if (!parsed.has_value()) {
-    return InvalidArgumentError("listen address \"" + std::string(endpoint) +
-                                "\": must be tcp://HOST:PORT with a port from 0 to 65535");
-  }
-  if (!insecure && !IsLoopback(parsed->host)) {
-    return InvalidArgumentError(
-        "listen address \"" + std::string(endpoint) +
-        "\": other machines can reach it, and connections are neither encrypted nor authenticated; "
-        "listen on 127.0.0.1, or say --insecure on a network that you trust");
-  }
-  return {};
-}
 
 class ZmqTransport::Loop {
  public:

@@ -5,10 +5,10 @@
 #include <cstddef>
 #include <memory>
 #include <string>
-#include <string_view>
 
 #include "core/base/status.h"
 #include "server/base/clock.h"
+#include "server/transport/listen_endpoint.h"
 #include "server/transport/transport.h"
 
 namespace loci {
@@ -32,11 +32,6 @@ struct ZmqTransportOptions {
   std::size_t backlog_suspect_bytes = std::size_t{4} << 20U;
   std::size_t backlog_growth_max_bytes = std::size_t{192} << 20U;
 };
-
-// Says whether a server may listen on `endpoint`: kInvalidArgument if it is not tcp://HOST:PORT, or
-// if other machines can reach it and `insecure` is false, because nothing is encrypted or
-// authenticated yet.
-Status CheckListenEndpoint(std::string_view endpoint, bool insecure);
 
 // Owns the socket and the thread that alone touches it. Start once, Stop once.
 class ZmqTransport : public Transport {
