@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pose graphs: batch optimisation against Ceres, and sweeps of gradient descent.
+//
+//   graph_bench [--tiny]
+//
+// Processor time of one thread until chi2 is within 0.1 % of the optimum, both from the same start,
+// in turn, median of five. Reads the public graphs (tests/support/datasets.h) and skips those that
+// are missing.
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "bench/contestants.h"
+#include "bench/interleaved.h"
+#include "core/graph/g2o_format.h"
+#include "core/graph/graph_start.h"
+#include "core/graph/sparse_optimizer.h"
+#include "core/graph/toro_optimizer.h"
+#include "core/graph/toro_tree.h"
+#include "tests/core/graph/random_graph.h"
+#include "tests/support/datasets.h"
+#ifdef LOCI_HAVE_CERES
+#include "tests/support/ceres_graph.h"
+#endif
+
+namespace loci {
+namespace {
+
+constexpr double kNear = 1.001;
+
+struct Case {
+  std::string name;
+  GraphStart start;
+};
+
+// The fewest steps after which ours is near the optimum.
+int StepsToOptimum(const PoseGraph& start, double optimum) {
+  SparseOptions options;
+  for (options.iterations_max = 1; options.iterations_max < 100; ++options.iterations_max) {
+    PoseGraph graph = start;
+    if (OptimizeSparse(graph, options).chi2_after <= kNear * optimum) {
+      break;
+    }
+  }
+  return options.iterations_max;
+}
+
+void MeasureBatch(const std::string& name, PoseGraph start, int rounds) {
+  PoseGraph best = start;
+  const double optimum = OptimizeSparse(best, SparseOptions{}).chi2_after;
+  SparseOptions options;
+  options.iterations_max = StepsToOptimum(start, optimum);
+  const auto ours = [&] {
+    PoseGraph graph = start;
+    OptimizeSparse(graph, options);
+  };
+#ifdef LOCI_HAVE_CERES
+  const InterleavedTimes times = MeasureInterleaved(rounds, ours, [&] {
+    PoseGraph graph = start;
+    SolveByCeres(graph, kNear * optimum);
+  });
+  std::printf("%-34s %9.2f ms (%d steps)   Ceres %9.2f ms   ours / Ceres %.3f   chi2 %.6g\n",
+              name.c_str(),
+              1e3 * times.ours_s,
+              options.iterations_max,
+              1e3 * times.theirs_s,
+              1.0 / times.ratio,
+              optimum);
+#else
+  const InterleavedTimes times = MeasureInterleaved(rounds, ours, [] {});
+  std::printf("%-34s %9.2f ms (%d steps)   Ceres is missing   chi2 %.6g\n",
+              name.c_str(),
+              1e3 * times.ours_s,
+              options.iterations_max,
+              optimum);
+#endif
+}
+
+// Elements of all constraints' paths in the tree: what one sweep goes over.
+std::size_t PathElements(const PoseGraph& graph, const ToroTree& tree) {
+  std::size_t count = 0;
+  for (const GraphConstraint& constraint : graph.constraints) {
+    std::uint32_t a = constraint.from;
+    std::uint32_t b = constraint.to;
+    for (; a != b; ++count) {
+      std::uint32_t& deeper = tree.depth[a] >= tree.depth[b] ? a : b;
+      deeper = tree.parent[deeper];
+    }
+  }
+  return count;
+}
+
+void MeasureSweeps(const std::string& name, PoseGraph graph, int sweeps) {
+  const ToroTree tree = BreadthFirstTree(graph);
+  PlaceByTree(tree, graph);
+  ToroOptimizer toro(graph);
+  const double begin = ThreadSeconds();
+  for (int i = 0; i < sweeps; ++i) {
+    toro.Sweep();
+  }
+  const double seconds = (ThreadSeconds() - begin) / sweeps;
+  const double before = Chi2(graph);
+  graph.map_from_node = toro.Poses();
+  std::printf("%-34s %9.2f ms a sweep, %.0f ns a path element   chi2 %.6g -> %.6g after %d\n",
+              name.c_str(),
+              1e3 * seconds,
+              1e9 * seconds / static_cast<double>(PathElements(graph, tree)),
+              before,
+              Chi2(graph),
+              sweeps);
+}
+
+void RunTiny() {
+  PoseGraph graph = RandomLoopGraph(1, 200);
+  MeasureBatch("random loops, given", graph, 1);
+  MeasureSweeps("random loops, sweeps", graph, 3);
+}
+
+void RunAll() {
+  for (const Case& each : {Case{"manhattanOlson3500", GraphStart::kGiven},
+                           Case{"MIT", GraphStart::kTree},
+                           Case{"city10000", GraphStart::kTree},
+                           Case{"intel_g2o", GraphStart::kGiven}}) {
+    const StatusOr<std::string> text = ReadDataset("graphs/" + each.name + ".g2o.gz");
+    if (!text.ok()) {
+      std::printf("skipped: %s\n", text.status().message().c_str());
+      continue;
+    }
+    StatusOr<G2oGraph> parsed = ParseG2o(*text);
+    if (!parsed.ok()) {
+      std::printf("%s: %s\n", each.name.c_str(), parsed.status().ToString().c_str());
+      continue;
+    }
+    PlaceAtStart(each.start, parsed->plane);
+    MeasureBatch(each.name + ", " + std::string(GraphStartName(each.start)), parsed->plane, 5);
+    MeasureSweeps(each.name + ", sweeps", parsed->plane, 50);
+  }
+}
+
+}  // namespace
+}  // namespace loci
+
+int main(int argc, char** argv) {
+  if (loci::IsTiny(argc, argv)) {
+    loci::RunTiny();
+  } else {
+    loci::RunAll();
+  }
+  return 0;
+}

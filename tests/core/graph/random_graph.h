@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+// Random pose graphs for tests: a walk with noisy loop constraints.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "core/base/random.h"
+#include "core/geometry/se2.h"
+#include "core/graph/pose_graph.h"
+
+namespace loci {
+
+inline Pose2 RandomPose(RandomSequence& random, double range_m, double range_rad) {
+  return {random.NextUniform(-range_m, range_m),
+          random.NextUniform(-range_m, range_m),
+          WrapAngle(random.NextUniform(-range_rad, range_rad))};
+}
+
+// Symmetric positive definite, eigenvalues between about 1 and 100.
+inline Eigen::Matrix3d RandomInformation(RandomSequence& random) {
+  Eigen::Matrix3d root;
+  for (int i = 0; i < 9; ++i) {
+    root(i) = random.NextUniform(-3.0, 3.0);
+  }
+  const Eigen::Matrix3d information = root.transpose() * root;
+  return 0.5 * (information + information.transpose()) + Eigen::Matrix3d::Identity();
+}
+
+inline Pose2 Noise(RandomSequence& random, double sigma_m, double sigma_rad) {
+  return {sigma_m * random.NextNormal(),
+          sigma_m * random.NextNormal(),
+          sigma_rad * random.NextNormal()};
+}
+
+// A robot that drives around a square of 20 m again and again, tied to what it saw one round
+// before. The poses given are those of noisy odometry.
+inline PoseGraph RandomLoopGraph(std::uint64_t seed, std::uint32_t node_count) {
+  constexpr std::uint32_t kRound = 20;
+  constexpr double kSigmaM = 0.05;
+  constexpr double kSigmaRad = 0.02;
+  const Eigen::Matrix3d information =
+      Eigen::Vector3d(
+          1.0 / (kSigmaM * kSigmaM), 1.0 / (kSigmaM * kSigmaM), 1.0 / (kSigmaRad * kSigmaRad))
+          .asDiagonal();
+  RandomSequence random(seed);
+  std::vector<Pose2> truth = {Pose2{}};
+  PoseGraph graph;
+  graph.map_from_node = {Pose2{}};
+  graph.fixed = {true};
+  for (std::uint32_t i = 1; i < node_count; ++i) {
+    const Pose2 step{4.0, 0.0, i % 5 == 0 ? 0.5 * kPi : 0.0};
+    truth.push_back(truth.back() * step);
+    const Pose2 measured = step * Noise(random, kSigmaM, kSigmaRad);
+    graph.map_from_node.push_back(graph.map_from_node.back() * measured);
+    graph.constraints.push_back({i - 1, i, measured, information, false});
+    if (i >= kRound) {
+      const Pose2 seen = Inverse(truth[i - kRound]) * truth[i];
+      graph.constraints.push_back(
+          {i - kRound, i, seen * Noise(random, kSigmaM, kSigmaRad), information, true});
+    }
+  }
+  return graph;
+}
+
+// Adds points around the nodes, each seen from all nodes within 6 m of its maker.
+inline void AddPoints(std::uint64_t seed, std::size_t count, PoseGraph& graph) {
+  RandomSequence random(seed);
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t maker = random.NextBits() % graph.map_from_node.size();
+    const Eigen::Vector2d point =
+        graph.map_from_node[maker] *
+        Eigen::Vector2d(random.NextUniform(-3.0, 3.0), random.NextUniform(-3.0, 3.0));
+    graph.points_in_map.push_back(point);
+    for (std::uint32_t i = 0; i < graph.map_from_node.size(); ++i) {
+      const Eigen::Vector2d seen = Inverse(graph.map_from_node[i]) * point;
+      if (seen.norm() < 6.0) {
+        PointConstraint constraint;
+        constraint.from = i;
+        constraint.point = static_cast<std::uint32_t>(k);
+        constraint.point_in_from =
+            seen + 0.05 * Eigen::Vector2d(random.NextNormal(), random.NextNormal());
+        constraint.information = 400.0 * Eigen::Matrix2d::Identity();
+        graph.point_constraints.push_back(constraint);
+      }
+    }
+  }
+}
+
+// All poses and points of a graph, moved by one rigid motion.
+inline PoseGraph Moved(const Pose2& new_from_old, PoseGraph graph) {
+  for (Pose2& pose : graph.map_from_node) {
+    pose = new_from_old * pose;
+  }
+  for (Eigen::Vector2d& point : graph.points_in_map) {
+    point = new_from_old * point;
+  }
+  return graph;
+}
+
+}  // namespace loci

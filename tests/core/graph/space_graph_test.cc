@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pose graphs in space.
+#include "core/graph/space_graph.h"
+
+#include <gtest/gtest.h>
+
+#include "core/base/random.h"
+#include "core/graph/g2o_format.h"
+#include "tests/support/datasets.h"
+#include "tests/support/matchers.h"
+
+namespace loci {
+namespace {
+
+Pose3 RandomPose3(RandomSequence& random, double range_m, double quaternion_range) {
+  Pose3 pose;
+  const auto number = [&](double range) { return random.NextUniform(-range, range); };
+  pose.translation = {number(range_m), number(range_m), number(range_m)};
+  pose.rotation =
+      Eigen::Quaterniond(
+          1.0, number(quaternion_range), number(quaternion_range), number(quaternion_range))
+          .normalized();
+  return pose;
+}
+
+// A small motion in the node's own frame: (translation, rotation vector).
+Pose3 Perturbed(const Pose3& pose, int axis, double by) {
+  Pose3 motion;
+  if (axis < 3) {
+    motion.translation(axis) = by;
+  } else {
+    motion.rotation = Eigen::AngleAxisd(by, Eigen::Vector3d::Unit(axis - 3));
+  }
+  return pose * motion;
+}
+
+SpaceGraph RandomSpaceGraph(std::uint64_t seed, std::uint32_t count) {
+  RandomSequence random(seed);
+  SpaceGraph truth;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    truth.map_from_node.push_back(RandomPose3(random, 5.0, 2.0));
+  }
+  SpaceGraph graph = truth;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    for (const std::uint32_t j : {i + 1, i + 7}) {
+      if (j < count) {
+        SpaceConstraint constraint;
+        constraint.from = i;
+        constraint.to = j;
+        constraint.from_from_to = Inverse(truth.map_from_node[i]) * truth.map_from_node[j] *
+                                  RandomPose3(random, 0.05, 0.02);
+        constraint.information *= 400.0;
+        graph.constraints.push_back(constraint);
+      }
+    }
+    graph.map_from_node[i] = graph.map_from_node[i] * RandomPose3(random, 0.5, 0.2);
+  }
+  return graph;
+}
+
+TEST(SpaceGraphTest, JacobiansAreTheNumericOnes) {
+  constexpr double kStep = 1e-6;
+  RandomSequence random(51);
+  for (int trial = 0; trial < 100; ++trial) {
+    SpaceGraph graph;
+    graph.map_from_node = {RandomPose3(random, 5.0, 3.0), RandomPose3(random, 5.0, 3.0)};
+    SpaceConstraint constraint;
+    constraint.to = 1;
+    constraint.from_from_to =
+        Inverse(graph.map_from_node[0]) * graph.map_from_node[1] * RandomPose3(random, 1.0, 0.7);
+    const LinearisedPair<6, 6, 6> linearised = Linearised(graph, constraint);
+    for (int axis = 0; axis < 6; ++axis) {
+      for (const std::size_t node : {0U, 1U}) {
+        SpaceGraph plus = graph;
+        SpaceGraph minus = graph;
+        plus.map_from_node[node] = Perturbed(graph.map_from_node[node], axis, kStep);
+        minus.map_from_node[node] = Perturbed(graph.map_from_node[node], axis, -kStep);
+        const Eigen::Matrix<double, 6, 1> numeric =
+            (ErrorOf(plus, constraint) - ErrorOf(minus, constraint)) / (2.0 * kStep);
+        const Eigen::Matrix<double, 6, 1> analytic =
+            node == 0 ? linearised.jacobian_a.col(axis) : linearised.jacobian_b.col(axis);
+        EXPECT_LT((numeric - analytic).norm(), 1e-7);
+      }
+    }
+  }
+}
+
+TEST(SpaceGraphTest, ConvergesFromNoisyPosesAndFromTheTree) {
+  SpaceGraph graph = RandomSpaceGraph(52, 60);
+  SpaceGraph by_tree = graph;
+  PlaceByTree(BreadthFirstTree(by_tree), by_tree);
+  const OptimizationSummary summary = OptimizeSparse(graph, SparseOptions{});
+  const OptimizationSummary from_tree = OptimizeSparse(by_tree, SparseOptions{});
+  EXPECT_TRUE(summary.converged);
+  EXPECT_LT(summary.chi2_after, 0.01 * summary.chi2_before);
+  EXPECT_NEAR(from_tree.chi2_after, summary.chi2_after, 1e-6 * summary.chi2_after);
+}
+
+TEST(SpaceGraphTest, ReadsBackWhatItPrints) {
+  G2oGraph graph;
+  graph.space = RandomSpaceGraph(53, 20);
+  graph.space.fixed = {true};
+  for (std::int64_t i = 0; i < 20; ++i) {
+    graph.space_ids.push_back(i);
+  }
+  const StatusOr<G2oGraph> back = ParseG2o(PrintG2o(graph));
+  ASSERT_THAT(back, IsOk());
+  const double chi2 = Chi2(graph.space);
+  EXPECT_NEAR(Chi2(back->space), chi2, 1e-12 * chi2);
+  EXPECT_TRUE(back->space.fixed[0]);
+}
+
+TEST(SpaceGraphTest, RefusesWhatIsNoGraph) {
+  SpaceGraph graph = RandomSpaceGraph(54, 5);
+  EXPECT_THAT(ValidateGraph(graph), IsOk());
+  graph.constraints[1].to = graph.constraints[1].from;
+  EXPECT_THAT(ValidateGraph(graph), IsStatus(StatusCode::kInvalidArgument, "constraints[1]"));
+}
+
+TEST(SpaceGraphTest, ReachesTheBestKnownChi2OfPublicGraphs) {
+  for (const auto& [name, best] :
+       {std::pair{"smallGrid3D", 458.154}, {"parking-garage", 1.23869}}) {
+    LOCI_DATASET_OR_SKIP(text, std::string("graphs/") + name + ".g2o.gz");
+    StatusOr<G2oGraph> graph = ParseG2o(text);
+    ASSERT_THAT(graph, IsOk());
+    EXPECT_LT(OptimizeSparse(graph->space, SparseOptions{}).chi2_after, 1.0001 * best) << name;
+  }
+}
+
+}  // namespace
+}  // namespace loci
