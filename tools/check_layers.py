@@ -26,7 +26,7 @@ ALLOWED = {
     "server/main.cc": (SERVER, rf"spdlog/|CLI/|{SYSTEM}"),
     "server/server.cc": (SERVER + [GENERATED], rf"spdlog/|{SYSTEM}"),
     "server/http": (["core/", "server/"], r"boost/|nlohmann/"),
-    "server/tile": (["core/", "server/"], r"spng\.h|isa-l/|zlib\.h"),
+    "server/tile": (["core/", "server/"], r"isa-l/|zlib\.h"),
     "server/transport": (["core/base/", "server/"] + [GENERATED], rf"zmq\.hpp|{PROTOBUF}|{SYSTEM}"),
     "server/rpc": (["core/", "server/"] + [GENERATED], rf"spdlog/|{PROTOBUF}"),
     "server/service": (SERVER + [GENERATED], rf"Eigen/|spdlog/|{PROTOBUF}"),
@@ -34,8 +34,8 @@ ALLOWED = {
     "clients": (CLIENT + [GENERATED], PROTOBUF),
     "clients/cpp": (CLIENT + [GENERATED], rf"zmq\.hpp|{PROTOBUF}|{SYSTEM}"),
     "clients/log": (CLIENT, rf"Eigen/|zlib\.h|bzlib\.h|{SYSTEM}"),
-    "clients/simulator": (CLIENT, r"Eigen/|zlib\.h"),
-    "clients/cli": (CLIENT + [GENERATED], rf"Eigen/|CLI/|nlohmann/|spng\.h|{PROTOBUF}|{SYSTEM}"),
+    "clients/simulator": (CLIENT, r"Eigen/"),
+    "clients/cli": (CLIENT + [GENERATED], rf"Eigen/|CLI/|nlohmann/|zlib\.h|{PROTOBUF}|{SYSTEM}"),
     "clients/cli/offline": (["core/", "clients/"], rf"Eigen/|CLI/|nlohmann/|{SYSTEM}"),
 }
 # core has no clock, no thread, no file, and no random number that depends on the standard library

@@ -80,7 +80,7 @@ std::string Examples(const std::string& lines) {
 
 // The node of a command's words, with its parents.
 CLI::App* NodeOf(CLI::App& root, const std::string& name) {
-  static const std::map<std::string, std::string> kGroups = {
+  static const std::map<std::string, std::string> groups = {
       {"map", "Administration of maps"},
       {"session", "Sessions of a map"},
       {"export", "Take a map's content out, in formats that other programs read"},
@@ -91,9 +91,9 @@ CLI::App* NodeOf(CLI::App& root, const std::string& name) {
   for (std::string word; words >> word;) {
     const std::vector<CLI::App*> same =
         node->get_subcommands([&word](CLI::App* child) { return child->get_name() == word; });
-    const auto group = kGroups.find(word);
+    const auto group = groups.find(word);
     node = !same.empty() ? same.front()
-                         : node->add_subcommand(word, group == kGroups.end() ? "" : group->second);
+                         : node->add_subcommand(word, group == groups.end() ? "" : group->second);
     if (!words.eof()) {
       node->require_subcommand(1);
     }

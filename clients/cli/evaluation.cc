@@ -154,19 +154,23 @@ struct Mask {
   }
 };
 
+// Sets all cells at most `cells` rows and columns away from one.
+void SetAround(Mask& mask, std::int32_t column, std::int32_t row, std::int32_t cells) {
+  const std::int32_t column_end = std::min(mask.width - 1, column + cells);
+  const std::int32_t row_end = std::min(mask.height - 1, row + cells);
+  for (std::int32_t y = std::max(0, row - cells); y <= row_end; ++y) {
+    for (std::int32_t x = std::max(0, column - cells); x <= column_end; ++x) {
+      mask.set[mask.Index(x, y)] = 1;
+    }
+  }
+}
+
 Mask Dilate(const Mask& mask, std::int32_t cells) {
   Mask result = mask;
   for (std::int32_t row = 0; row < mask.height; ++row) {
     for (std::int32_t column = 0; column < mask.width; ++column) {
-      if (mask.set[mask.Index(column, row)] == 0) {
-        continue;
-      }
-      const std::int32_t column_end = std::min(mask.width - 1, column + cells);
-      const std::int32_t row_end = std::min(mask.height - 1, row + cells);
-      for (std::int32_t y = std::max(0, row - cells); y <= row_end; ++y) {
-        for (std::int32_t x = std::max(0, column - cells); x <= column_end; ++x) {
-          result.set[result.Index(x, y)] = 1;
-        }
+      if (mask.set[mask.Index(column, row)] != 0) {
+        SetAround(result, column, row, cells);
       }
     }
   }

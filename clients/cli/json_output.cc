@@ -148,8 +148,8 @@ void JsonWriter::Field(const Message& message, const FieldDescriptor& field, int
                 : reflection.GetRepeatedDouble(message, &field, index));
       break;
     case FieldDescriptor::CPPTYPE_FLOAT:
-      Value(double{one ? reflection.GetFloat(message, &field)
-                       : reflection.GetRepeatedFloat(message, &field, index)});
+      Value(static_cast<double>(one ? reflection.GetFloat(message, &field)
+                                    : reflection.GetRepeatedFloat(message, &field, index)));
       break;
     case FieldDescriptor::CPPTYPE_BOOL:
       Value(one ? reflection.GetBool(message, &field)

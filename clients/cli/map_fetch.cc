@@ -27,6 +27,24 @@ Status TakeHeader(const v1::RasterRows& rows, const RasterRequest& request, Rast
   return {};
 }
 
+// The first message of the stream says how large the picture is.
+Status TakeRows(const v1::RasterRows& rows, const RasterRequest& request, Raster& raster) {
+  if (raster.cells.empty()) {
+    LOCI_RETURN_IF_ERROR(TakeHeader(rows, request, raster));
+  }
+  const std::size_t begin = std::size_t{rows.first_row()} * static_cast<std::size_t>(raster.width);
+  if (rows.cells().size() > raster.cells.size() ||
+      begin > raster.cells.size() - rows.cells().size()) {
+    return InternalError("the server's rows from row " + std::to_string(rows.first_row()) +
+                         " do not fit into its picture");
+  }
+  std::transform(rows.cells().begin(),
+                 rows.cells().end(),
+                 raster.cells.begin() + static_cast<std::ptrdiff_t>(begin),
+                 [](char cell) { return static_cast<std::int8_t>(cell); });
+  return {};
+}
+
 }  // namespace
 
 StatusOr<Raster> FetchRaster(Context& context, const RasterRequest& request) {
@@ -39,20 +57,7 @@ StatusOr<Raster> FetchRaster(Context& context, const RasterRequest& request) {
   Raster raster;
   v1::RasterRows rows;
   while (stream.Next(rows)) {
-    if (raster.cells.empty()) {
-      LOCI_RETURN_IF_ERROR(TakeHeader(rows, request, raster));
-    }
-    const std::size_t begin =
-        std::size_t{rows.first_row()} * static_cast<std::size_t>(raster.width);
-    if (rows.cells().size() > raster.cells.size() ||
-        begin > raster.cells.size() - rows.cells().size()) {
-      return InternalError("the server's rows from row " + std::to_string(rows.first_row()) +
-                           " do not fit into its picture");
-    }
-    std::transform(rows.cells().begin(),
-                   rows.cells().end(),
-                   raster.cells.begin() + static_cast<std::ptrdiff_t>(begin),
-                   [](char cell) { return static_cast<std::int8_t>(cell); });
+    LOCI_RETURN_IF_ERROR(TakeRows(rows, request, raster));
   }
   LOCI_RETURN_IF_ERROR(stream.status());
   if (raster.cells.empty()) {

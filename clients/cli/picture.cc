@@ -125,11 +125,11 @@ void Picture::DrawText(
   for (const char letter : text) {
     const auto glyph = std::find_if(
         kGlyphs.begin(), kGlyphs.end(), [letter](const Glyph& g) { return g.letter == letter; });
-    for (std::int32_t row = 0; glyph != kGlyphs.end() && row < 5; ++row) {
-      for (std::int32_t column = 0; column < 3; ++column) {
-        if (glyph->rows[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)] == '#') {
-          FillBox(x + column * dot_px, y + row * dot_px, dot_px, dot_px, colour);
-        }
+    for (std::int32_t dot = 0; glyph != kGlyphs.end() && dot < 15; ++dot) {
+      const std::int32_t row = dot / 3;
+      const std::int32_t column = dot % 3;
+      if (glyph->rows[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)] == '#') {
+        FillBox(x + column * dot_px, y + row * dot_px, dot_px, dot_px, colour);
       }
     }
     x += 4 * dot_px;

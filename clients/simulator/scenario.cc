@@ -72,16 +72,16 @@ void Furnish(FloorPlan& plan,
     Vector2d size_m;
     bool movable;
   };
-  static const std::array<Kind, 3> kKinds = {{{{1.4, 0.7}, false},    // desk
-                                              {{0.9, 0.4}, false},    // cabinet
-                                              {{0.5, 0.45}, true}}};  // chair
+  static const std::array<Kind, 3> kinds = {{{{1.4, 0.7}, false},    // desk
+                                             {{0.9, 0.4}, false},    // cabinet
+                                             {{0.5, 0.45}, true}}};  // chair
   constexpr int kPieces = 7;
   constexpr double kWallM = 0.15;
   constexpr double kMovesM = 0.6;  // at most, from day to day
   constexpr double kRobotM = 0.45;
   RandomSequence random(MixBits(layout));
   for (int piece = 0; piece < kPieces; ++piece) {
-    const Kind& kind = kKinds[static_cast<std::size_t>(piece) % kKinds.size()];
+    const Kind& kind = kinds[static_cast<std::size_t>(piece) % kinds.size()];
     const double margin_m = 0.5 * kind.size_m.norm() + (kind.movable ? kMovesM : 0.0);
     const double x = random.NextUniform(low.x() + margin_m + kWallM, high.x() - margin_m - kWallM);
     const double y = random.NextUniform(low.y() + margin_m + kWallM, high.y() - margin_m - kWallM);

@@ -74,6 +74,12 @@ std::vector<std::string_view> WordsOf(std::string_view line) {
   return words;
 }
 
+std::string Quoted(std::string_view text) {
+  std::string quoted = "\"";
+  quoted += text;
+  return quoted += '"';
+}
+
 Status LineError(const Record& record, const std::string& what) {
   return InvalidArgumentError("line " + std::to_string(record.line) + ": " +
                               std::string(record.tag) + ": " + what);
@@ -93,14 +99,14 @@ StatusOr<Record> ParseRecord(std::size_t line,
   for (std::size_t i = 1; i <= id_count; ++i) {
     const std::optional<std::int64_t> id = ParseNumber<std::int64_t>(words[i]);
     if (!id.has_value()) {
-      return LineError(record, "\"" + std::string(words[i]) + "\" is no vertex id");
+      return LineError(record, Quoted(words[i]) + " is no vertex id");
     }
     record.ids.push_back(*id);
   }
   for (std::size_t i = 1 + id_count; i < words.size(); ++i) {
     const std::optional<double> number = ParseNumber<double>(words[i]);
     if (!number.has_value() || !std::isfinite(*number)) {
-      return LineError(record, "\"" + std::string(words[i]) + "\" is no finite number");
+      return LineError(record, Quoted(words[i]) + " is no finite number");
     }
     record.numbers.push_back(*number);
   }
