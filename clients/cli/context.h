@@ -41,6 +41,10 @@ class Context {
   // The connection, made when first used.
   const std::shared_ptr<client::Channel>& channel();
 
+  // Waits, within the user's timeout, while the server recovers the map after a start. A map that
+  // is not there or is refused is an error at once, and so is a server that cannot be reached.
+  Status AwaitMap(const std::string& map);
+
   // One call with the user's timeout; UNAVAILABLE at once if the server is not there.
   template <typename Response>
   StatusOr<Response> Call(std::string_view method, const google::protobuf::MessageLite& request) {

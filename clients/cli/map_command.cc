@@ -91,6 +91,7 @@ void PrintInfo(const v1::MapInfo& info, std::ostream& out) {
 }
 
 Status RunInfo(Context& context, const std::string& map) {
+  LOCI_RETURN_IF_ERROR(context.AwaitMap(map));
   v1::GetMapInfoRequest request;
   request.set_map(map);
   LOCI_ASSIGN_OR_RETURN(const v1::MapInfo info,
@@ -121,6 +122,7 @@ Status RunDelete(Context& context, const std::string& map) {
 }
 
 Status RunVerify(Context& context, const std::string& map) {
+  LOCI_RETURN_IF_ERROR(context.AwaitMap(map));
   v1::VerifyMapRequest request;
   request.set_map(map);
   // A replay takes as long as the log is long: the usual timeout would be wrong here.

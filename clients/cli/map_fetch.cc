@@ -48,6 +48,7 @@ Status TakeRows(const v1::RasterRows& rows, const RasterRequest& request, Raster
 }  // namespace
 
 StatusOr<Raster> FetchRaster(Context& context, const RasterRequest& request) {
+  LOCI_RETURN_IF_ERROR(context.AwaitMap(request.map));
   v1::StreamRasterRequest message;
   message.set_map(request.map);
   message.set_layer(request.layer);
@@ -71,6 +72,7 @@ StatusOr<Trajectory> FetchTrajectory(Context& context,
                                      const std::string& map,
                                      const std::string& session,
                                      std::uint64_t revision) {
+  LOCI_RETURN_IF_ERROR(context.AwaitMap(map));
   v1::StreamTrajectoryRequest message;
   message.set_map(map);
   message.set_session(session);

@@ -45,6 +45,7 @@ Status RunTile(Context& context, const TileOptions& options) {
   request.set_x(x);
   request.set_y(y);
   request.set_revision(options.revision);
+  LOCI_RETURN_IF_ERROR(context.AwaitMap(options.map));
   LOCI_ASSIGN_OR_RETURN(const v1::Tile tile,
                         context.Call<v1::Tile>("loci.v1.MapQuery/GetTile", request));
   LOCI_RETURN_IF_ERROR(WriteFile(options.out, tile.png()));

@@ -38,6 +38,7 @@ void PrintText(const v1::ListSessionsResponse& sessions, std::ostream& out) {
 }
 
 Status Run(Context& context, const std::string& map) {
+  LOCI_RETURN_IF_ERROR(context.AwaitMap(map));
   v1::ListSessionsRequest request;
   request.set_map(map);
   LOCI_ASSIGN_OR_RETURN(

@@ -37,6 +37,7 @@ void Print(Context& context, const v1::MapChange& change) {
 }
 
 Status Run(Context& context, const WatchOptions& options) {
+  LOCI_RETURN_IF_ERROR(context.AwaitMap(options.map));
   v1::WatchMapRequest request;
   request.set_map(options.map);
   auto stream = context.channel()->Stream<v1::MapChange>("loci.v1.Watch/WatchMap", request);

@@ -135,6 +135,21 @@ TEST_F(StreamTest, AKilledClientGoesOnWithItsSessionWhereTheServerHasIt) {
   ExpectWhole("resumed", expected);
 }
 
+TEST_F(StreamTest, CommandsRightAfterARestartWaitForTheirMap) {
+  const Outcome expected = Undisturbed();
+  for (int kill = 0; kill < 2; ++kill) {
+    EXPECT_EQ(server().End(SIGKILL), -SIGKILL);
+    StartServer();
+    const Outcome outcome = OutcomeOf("undisturbed");
+    EXPECT_EQ(outcome.digest, expected.digest);
+    EXPECT_TRUE(outcome.trajectory == expected.trajectory) << "the trajectories differ";
+    EXPECT_EQ(server().End(SIGKILL), -SIGKILL);
+    StartServer();
+    EXPECT_EQ(LociJson({"map", "info", "undisturbed"})["state_digest"], expected.digest);
+    EXPECT_EQ(Loci({"map", "info", "nowhere"}).exit_code, 1);
+  }
+}
+
 TEST_F(StreamTest, AServerThatStaysAwayIsGivenUpAfterRetryForAlsoAtTheEnd) {
   Program stream(Command({"stream",
                           log(),
