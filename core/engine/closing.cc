@@ -14,8 +14,8 @@
 namespace loci {
 namespace {
 
-// Origins of overlapping places are no further apart than this, plus the doubt about where they
-// are.
+// Origins of places that are compared are no further apart than this, plus the doubt about where
+// they are: places of 5 m share little beyond it, and are tied through those between them.
 constexpr double kCandidateDistanceM = 10.0;
 constexpr double kLargeCorrectionM = 1.0;  // test 5
 constexpr double kWitnessDistanceM = 3.0;  // test 5: "from another place at least 3 m away"
@@ -153,6 +153,11 @@ bool AcceptProvisional(Engine::State& state) {
   return !accepted.empty();
 }
 
+// Cells that the dense map has ever written.
+std::uint64_t CellsWrittenSoFar(const Engine::State& state) {
+  return state.cells_integrated + state.mesh->cells_consolidated() + state.mesh->cells_remeshed();
+}
+
 // All candidates of a place have been looked at: decides about what was found. Returns true if the
 // graph moved.
 bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
@@ -165,6 +170,7 @@ bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
   }
   state.closures_changed_by = state.last_event;
   state.closures_snapshot.reset();
+  const std::uint64_t cells_before = CellsWrittenSoFar(state);
   bool moved = false;
   // What was provisional may be plain once others are in: until nothing more is accepted.
   while (AcceptProvisional(state)) {
@@ -177,6 +183,7 @@ bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
   if (moved) {
     state.mesh->MovePlaces(state.graph.map_from_node);
   }
+  state.cells_closed += CellsWrittenSoFar(state) - cells_before;
   return moved;
 }
 

@@ -91,12 +91,13 @@ void AppendPose(const ObservationEvent& event, Engine::State& state, SessionStat
   }
 }
 
-void DrainClosures(SessionId id, Engine::State& state) {
+// Returns true if the graph moved.
+bool DrainClosures(SessionId id, Engine::State& state) {
+  bool moved = false;
   while (!state.sessions[id.value].batches.empty()) {
-    if (WorkOnClosures(id, kNoLimit, state)) {
-      QueueConsolidation(state);
-    }
+    moved = WorkOnClosures(id, kNoLimit, state) || moved;
   }
+  return moved;
 }
 
 }  // namespace
@@ -174,9 +175,7 @@ struct EventApplier {
     session.open = false;
     FinishPlace(session.track.place, state);
     effects.place_finished = true;
-    const std::size_t accepted_before = state.graph.constraints.size();
-    DrainClosures(event.session, state);
-    effects.closure_accepted = state.graph.constraints.size() != accepted_before;
+    effects.closure_accepted = DrainClosures(event.session, state);
     session.track.recent_keys.clear();
     session.track.likelihood = LikelihoodGrid();
     QueueConsolidation(state);

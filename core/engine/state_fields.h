@@ -42,7 +42,7 @@ void Fields(Archive& archive, ConstraintInfo& info) {
 // What is neither a place, a session, a closure nor the mesh.
 template <typename Archive>
 void HeaderFields(Archive& archive, Engine::State& state) {
-  archive(state.last_event, state.settings, state.cells_integrated, state.chi2);
+  archive(state.last_event, state.settings, state.cells_integrated, state.cells_closed, state.chi2);
   archive(state.consolidation_queue);
 }
 

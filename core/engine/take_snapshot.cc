@@ -14,6 +14,7 @@ SessionSnapshot SnapshotOf(std::size_t index, const Engine::State& state) {
   snapshot.session = session.session;
   snapshot.robot = session.robot;
   snapshot.open = session.open;
+  snapshot.map_from_start = session.map_from_start;
   snapshot.accepted_count = session.accepted_count;
   snapshot.refused_count = session.refused_count;
   snapshot.last_number = session.last_number;
@@ -74,6 +75,7 @@ std::shared_ptr<const Snapshot> Engine::TakeSnapshot() {
   }
   snapshot->constraints = state.constraints_snapshot;
   snapshot->cells_written.integrate = state.cells_integrated;
+  snapshot->cells_written.closure = state.cells_closed;
   if (state.mesh.has_value()) {
     snapshot->cells_written.consolidate = state.mesh->cells_consolidated();
     snapshot->cells_written.remesh = state.mesh->cells_remeshed();

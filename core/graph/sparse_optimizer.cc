@@ -2,6 +2,7 @@
 // Gauss-Newton over the plane problem, and covariances from its factor.
 #include "core/graph/sparse_optimizer.h"
 
+#include <algorithm>
 #include <map>
 #include <utility>
 
@@ -62,15 +63,19 @@ struct GraphCovariance::Factor {
     return found->second;
   }
 
-  // Of a row and a column node.
+  // Of a row and a column node. Always taken from the columns of the larger index: the two ways to
+  // the same block differ in the last bit, and an answer must not depend on what was asked before.
   Eigen::Matrix3d Cross(std::uint32_t row, std::uint32_t column) {
     if (IsHeld(row) || IsHeld(column)) {
       return Eigen::Matrix3d::Zero();
     }
-    if (columns_node == row) {
-      return columns.middleRows<3>(equations.offset(problem.BlockOfNode(column))).transpose();
+    const std::uint32_t lower = std::min(row, column);
+    const Eigen::Matrix3d block =
+        Columns(std::max(row, column)).middleRows<3>(equations.offset(problem.BlockOfNode(lower)));
+    if (row == lower) {
+      return block;
     }
-    return Columns(column).middleRows<3>(equations.offset(problem.BlockOfNode(row)));
+    return block.transpose();
   }
 
   PoseGraph graph;

@@ -115,7 +115,6 @@ void Mesh::State::VisitTopology(Archive& archive, std::vector<Triangulation::Cor
 }
 
 void Mesh::State::AddToHash(HashArchive& archive) const {
-  std::vector<StateRecord> topology;
   std::vector<Triangulation::Corners> triangles;
   for (const Triangulation::Triangle& triangle : topology_.triangles()) {
     triangles.push_back(triangle.corners);

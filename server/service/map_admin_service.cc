@@ -150,10 +150,13 @@ void MapAdminService::AddQueries(Dispatcher& dispatcher) {
           LOCI_RETURN_IF_ERROR(maps_.Find(request.map()).status());
         }
         v1::ServerStatus response;
-        response.set_ready(true);
+        response.set_ready(true);  // unless a map still replays its log: what /readyz says too
         response.set_version(version_);
         response.set_uptime_s(std::chrono::duration<double>(clock_.Now() - started_at_).count());
         for (const MapStatus& status : maps_.Maps()) {
+          if (status.state == MapState::kRecovering) {
+            response.set_ready(false);
+          }
           if (request.map().empty() || request.map() == status.map) {
             Fill(status, *response.add_maps());
           }
