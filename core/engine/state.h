@@ -62,10 +62,10 @@ struct Engine::State {
   EventNumber last_event;
   MapSettings settings;
   std::uint64_t cells_integrated = 0;
-  std::uint64_t cells_closed = 0;  // by optimising and moving the mesh: the promise is none
-  std::vector<SessionState> sessions;           // by SessionId
-  std::vector<Place> places;                    // by PlaceId
-  PoseGraph graph;                              // node i is place i
+  std::uint64_t cells_closed = 0;      // by optimising and moving the mesh: the promise is none
+  std::vector<SessionState> sessions;  // by SessionId
+  std::vector<Place> places;           // by PlaceId
+  PoseGraph graph;                     // node i is place i
   std::vector<ConstraintInfo> constraint_info;  // one per constraint
   std::vector<ClosureSnapshot> closures;        // by ClosureId
   double chi2 = 0.0;
