@@ -52,6 +52,10 @@ function(loci_add_test name)
   add_executable(${name} ${ARG_SOURCES})
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PRIVATE ${ARG_PRIVATE} loci_flags GTest::gmock GTest::gtest_main)
+  # At -O3 GCC 12 sees overlaps in inlined strings and values of Eigen without a beginning that are none
+  # (its bugs 105651 and 105562); what is true of it, the dev preset says too.
+  target_compile_options(${name} PRIVATE
+    "$<$<AND:$<CXX_COMPILER_ID:GNU>,$<CONFIG:Release>>:-Wno-restrict;-Wno-maybe-uninitialized>")
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
   foreach(label IN LISTS ARG_LABELS)
     if(NOT TARGET loci_tests_${label})
