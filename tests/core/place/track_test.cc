@@ -36,7 +36,7 @@ void Take(const ObservationEvent& event, Drive& run) {
             run.track);
   }
   if (event.scan.has_value()) {
-    run.written += TakeScan(*event.scan, run.settings, run.track, run.place);
+    run.written += TakeScan(*event.scan, run.settings, nullptr, run.track, run.place);
   }
 }
 
@@ -160,7 +160,8 @@ TEST(TrackTest, ALostRobotStartsAfreshAlsoWhenItWasLostRightAfterAHandOver) {
   elsewhere.AddBox({-1.0, -1.1}, {1.2, 0.9});
   for (const bool handed_over : {false, true}) {
     Drive run = Begin({});
-    TakeScan(FurnishedRoom().Scan({}, Scanner(), noise), run.settings, run.track, run.place);
+    TakeScan(
+        FurnishedRoom().Scan({}, Scanner(), noise), run.settings, nullptr, run.track, run.place);
     if (handed_over) {
       GoOn(PlaceId{1}, run);
     }
@@ -168,7 +169,7 @@ TEST(TrackTest, ALostRobotStartsAfreshAlsoWhenItWasLostRightAfterAHandOver) {
     while (!WantsNewPlace(run.track, run.settings) && scans < 50) {
       Predict({0.1, 0.0, 0.1}, Covariance3::FromSigmas(0.02, 0.02, 0.02).matrix(), run.track);
       const LaserScan scan = elsewhere.Scan({0.0, 0.0, 0.1 * scans}, Scanner(), noise);
-      TakeScan(scan, run.settings, run.track, run.place);
+      TakeScan(scan, run.settings, nullptr, run.track, run.place);
       ++scans;
     }
     EXPECT_LT(scans, 50) << handed_over;
@@ -180,7 +181,7 @@ TEST(TrackTest, ALostRobotStartsAfreshAlsoWhenItWasLostRightAfterAHandOver) {
 TEST(TrackTest, ARobotThatDroveBlindDoesNotClaimToBeCertainAtHandOver) {
   RandomSequence noise(7);
   Drive run = Begin({});
-  TakeScan(FurnishedRoom().Scan({}, Scanner(), noise), run.settings, run.track, run.place);
+  TakeScan(FurnishedRoom().Scan({}, Scanner(), noise), run.settings, nullptr, run.track, run.place);
   for (int i = 0; i < 20; ++i) {
     Predict({0.1, 0.0, 0.0}, Covariance3::FromSigmas(0.05, 0.05, 0.02).matrix(), run.track);
   }
@@ -205,7 +206,7 @@ TEST(TrackTest, ScansThatSayNothingChangeNothing) {
   LaserScan scan;
   scan.angle_step_rad = 0.01;
   scan.ranges_mm.assign(180, LaserScan::kNothingSeen);
-  EXPECT_EQ(TakeScan(scan, run.settings, run.track, run.place), 0U);
+  EXPECT_EQ(TakeScan(scan, run.settings, nullptr, run.track, run.place), 0U);
   EXPECT_FALSE(run.track.has_key);
   EXPECT_TRUE(run.place.patch.cells().empty());
 }
