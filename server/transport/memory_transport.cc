@@ -179,7 +179,7 @@ MemoryTransport::MemoryTransport(const MemoryTransportOptions& options, const Cl
     : state_(std::make_shared<MemoryPeer::State>(options, clock)) {}
 
 MemoryTransport::~MemoryTransport() {
-  Stop(Duration::zero());
+  MemoryTransport::Stop(Duration::zero());
 }
 
 std::unique_ptr<MemoryPeer> MemoryTransport::Connect() {
