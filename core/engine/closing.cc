@@ -14,9 +14,6 @@
 namespace loci {
 namespace {
 
-// Origins of places that are compared are no further apart than this, plus the doubt about where
-// they are: places of 5 m share little beyond it, and are tied through those between them.
-constexpr double kCandidateDistanceM = 10.0;
 constexpr double kLargeCorrectionM = 1.0;  // test 5
 constexpr double kWitnessDistanceM = 3.0;  // test 5: "from another place at least 3 m away"
 constexpr std::uint64_t kStageClosure = 2;
@@ -238,6 +235,9 @@ void BeginClosureBatch(PlaceId place, Engine::State& state) {
   ClosureBatch batch;
   batch.place = place;
   const SessionId session = state.places[place.value].session;
+  // Places are compared if each may have looked at where the other begins, within the doubt about
+  // that. Further apart they share little, and are tied through those between them.
+  const double distance_max_m = state.settings.range_max_m;
   GraphCovariance& covariance = CovarianceOfGraph(state);
   std::vector<std::pair<double, PlaceId>> nearest;
   for (const Place& other : state.places) {
@@ -247,13 +247,13 @@ void BeginClosureBatch(PlaceId place, Engine::State& state) {
       continue;
     }
     const double distance_m = RelativePose(state, other.id, place).translation().norm();
-    if (distance_m > kCandidateDistanceM + 3.0 * ClosureLimits().window_max_m) {
+    if (distance_m > distance_max_m + ClosureLimits().window_max_m) {
       continue;
     }
     const Eigen::Matrix3d doubt = covariance.Relative(other.id.value, place.value);
     const double reach_m = std::min(3.0 * std::sqrt(doubt.topLeftCorner<2, 2>().trace()),
                                     ClosureLimits().window_max_m);
-    if (distance_m <= kCandidateDistanceM + reach_m) {
+    if (distance_m <= distance_max_m + reach_m) {
       nearest.emplace_back(distance_m, other.id);
     }
   }

@@ -79,6 +79,10 @@ class Program {
     return Wait();
   }
 
+  // Stands still until it goes on.
+  void Hold() { ::kill(pid_, SIGSTOP); }
+  void GoOn() { ::kill(pid_, SIGCONT); }
+
   // What it wrote so far.
   std::string out() const { return Content("out"); }
   std::string error() const { return Content("error"); }
