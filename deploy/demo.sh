@@ -135,10 +135,10 @@ if [ -n "$log" ]; then
   stream demo-1 robot "$log" --speed "$speed"
 else
   "$bin/loci" simulate "$scenario" --out "$work/truth" > /dev/null
-  jq -r '.sessions[] | "\(.session) \(.robot) \(.log) \(.truth) \(.scans)
+  jq -r '.runs[] | "\(.session) \(.robot) \(.log) \(.truth) \(.scans)
     \(.start | map(tostring) | join(","))" | gsub("\\s+"; " ")' \
     "$work/truth/scenario.json" > "$work/sessions.txt"
-  speed=$(speed_for "$(jq '[.sessions[].seconds] | max | floor' "$work/truth/scenario.json")")
+  speed=$(speed_for "$(jq '[.runs[].seconds] | max | floor' "$work/truth/scenario.json")")
   while read -r session robot file _ count start; do
     sessions+=("$session")
     scans=$((scans + count))
@@ -234,7 +234,7 @@ if [ -z "$log" ]; then
     errors+=("$work/eval-$session.json")
   done < "$work/sessions.txt"
   error=$(jq -s 'map(.translation_m.rms) | max' "${errors[@]}")
-  plan=$work/truth/$(jq -r .plan "$work/truth/scenario.json")
+  plan=$work/truth/$(jq -r .floor_plan "$work/truth/scenario.json")
   iou=$("$bin/loci" eval grid "$work/map.yaml" "$plan" --json | jq .iou)
   say "trajectory error against the truth: rms $(printf '%.3f' "$error") m (worst robot); occupied cells: IoU $(printf '%.3f' "$iou")"
   jq -e -n "$error <= $trajectory_rms_max_m" > /dev/null ||
