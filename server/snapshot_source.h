@@ -33,6 +33,7 @@ struct MapStatus {
   std::uint64_t appends = 0;               // transactions of the log since the map was opened
   std::uint64_t append_failures = 0;
   double last_closure_ms = 0.0;  // wall time of the event that last accepted a closure
+  std::uint64_t digests = 0;     // times that the whole state was hashed since the map was opened
 };
 
 // One published revision and how it differs from the one published before it.
@@ -46,7 +47,9 @@ struct RevisionChange {
   bool ended = false;  // the last call: the map was deleted, or the server stops
 };
 
-// Keeps a callback subscribed. After its destructor returned, the callback does not run any more.
+// Keeps a callback subscribed. After its destructor returned, the callback does not run any more:
+// it waits for one that runs, so whoever destroys it must not hold what the callback needs. The
+// callback itself may destroy it, and then is the last.
 class Subscription {
  public:
   Subscription() = default;

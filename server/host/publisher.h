@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "server/base/clock.h"
 #include "server/base/mutex.h"
@@ -35,13 +36,16 @@ class Publisher {
   std::unique_ptr<Subscription> Subscribe(SnapshotSource::RevisionCallback callback);
 
  private:
+  class Subscriber;
+  class Handle;
   // Shared with the subscriptions, which remove themselves.
   struct Subscribers {
     Mutex mutex;
     std::uint64_t next_id LOCI_GUARDED_BY(mutex) = 0;
-    std::map<std::uint64_t, SnapshotSource::RevisionCallback> callbacks LOCI_GUARDED_BY(mutex);
+    std::map<std::uint64_t, std::shared_ptr<Subscriber>> by_id LOCI_GUARDED_BY(mutex);
   };
-  class Handle;
+
+  std::vector<std::shared_ptr<Subscriber>> CurrentSubscribers() const;
 
   const std::string map_;
   const HostLimits limits_;

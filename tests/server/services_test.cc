@@ -205,6 +205,31 @@ TEST_F(ServicesTest, AWatcherIsToldTheNewestStateThenEveryChangeThenTheEnd) {
   EXPECT_THAT(stream.status(), IsStatus(StatusCode::kUnavailable, "deleted"));
 }
 
+TEST_F(ServicesTest, WatchersThatComeAndGoHoldUpNeitherTheWriterNorTheStop) {
+  const auto watch = [channel = server_.shared_channel()] {
+    v1::WatchMapRequest request;
+    request.set_map("hall");
+    Status status;
+    for (int read = 0; status.code() != StatusCode::kUnavailable; ++read) {
+      auto stream = channel->Stream<v1::MapChange>("loci.v1.Watch/WatchMap", request);
+      v1::MapChange change;
+      // Some leave at once, some after a few changes, some stay to the end.
+      for (int left = read % 7 == 6 ? 1000 : read % 7; left > 0 && stream.Next(change); --left) {
+      }
+      status = channel
+                   ->Call<v1::ServerStatus>("loci.v1.MapAdmin/GetServerStatus",
+                                            v1::GetServerStatusRequest())
+                   .status();
+    }
+  };
+  const std::jthread one(watch);
+  const std::jthread other(watch);
+  for (std::size_t begin = 0; begin < 200; ++begin) {
+    Append(begin, begin + 1);
+  }
+  server_.Stop();
+}
+
 TEST_F(ServicesTest, AMapIsVerifiedWhileItIsServedAndAfterARestart) {
   Append(0, 100);
   ASSERT_THAT(Close(), IsOk());
