@@ -125,8 +125,9 @@ void MapHost::Stop(StopMode mode) {
   thread_.join();
   if (serving != nullptr) {
     serving->checkpointer.Stop();
-    if (mode == StopMode::kCheckpoint) {
-      IgnoreError(serving->checkpointer.WriteNow(serving->applier.engine()),
+    Applier& applier = serving->applier;
+    if (mode == StopMode::kCheckpoint && serving->checkpointer.IsDue(applier.engine())) {
+      IgnoreError(serving->checkpointer.WriteNow(applier.engine(), applier.StateDigest()),
                   "it is in the server's log; the next start replays more");
     }
     serving->publisher.End();
@@ -170,6 +171,7 @@ MapStatus MapHost::CurrentStatus() const {
   const ApplierCounts applied = parts.applier.Counts();
   status.events_waiting = applied.events_waiting;
   status.last_closure_ms = applied.last_closure_ms;
+  status.digests = applied.digests;
   const AppenderCounts appended = parts.appender.Counts();
   status.bytes_waiting = appended.bytes_waiting;
   status.appends = appended.appends;
@@ -296,7 +298,7 @@ void MapHost::GetInfo(Done<HostedMapInfo> done) {
       return;
     }
     done(HostedMapInfo{.last_event = engine->last_event(),
-                       .state_digest = engine->StateDigest().ToHex(),
+                       .state_digest = serving.applier.StateDigest(),
                        .counts = engine->Counts(),
                        .settings = serving.publisher.ring().Newest()->settings,
                        .file_bytes = bytes});
@@ -384,10 +386,10 @@ StatusOr<ServedState> MapHost::AwaitServedState(Serving& serving) {
     std::optional<StatusOr<ServedState>> state LOCI_GUARDED_BY(mutex);
   };
   const auto answer = std::make_shared<Answer>();
-  serving.applier.Post([answer, map = map_](const Engine* engine) {
+  serving.applier.Post([answer, &applier = serving.applier, map = map_](const Engine* engine) {
     StatusOr<ServedState> state = Stopping(map);
     if (engine != nullptr) {
-      state = ServedState{engine->last_event(), engine->StateDigest().ToHex()};
+      state = ServedState{engine->last_event(), applier.StateDigest()};
     }
     const MutexLock lock(answer->mutex);
     answer->state = std::move(state);

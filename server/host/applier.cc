@@ -78,7 +78,18 @@ void Applier::RequestStop() {
 
 ApplierCounts Applier::Counts() const {
   const MutexLock lock(mutex_);
-  return {.events_waiting = events_waiting_, .last_closure_ms = last_closure_ms_};
+  return {
+      .events_waiting = events_waiting_, .last_closure_ms = last_closure_ms_, .digests = digests_};
+}
+
+const std::string& Applier::StateDigest() {
+  if (digest_of_ != engine_.last_event()) {
+    state_digest_ = engine_.StateDigest().ToHex();
+    digest_of_ = engine_.last_event();
+    const MutexLock lock(mutex_);
+    ++digests_;
+  }
+  return state_digest_;
 }
 
 Applier::NextStep Applier::WaitForStep() {
@@ -116,7 +127,7 @@ void Applier::ApplyEvent(const DurableEvent& durable) {
   changed_ = true;
   everything_moved_ = everything_moved_ || effects.closure_accepted;
   if (checkpointer_.CountEvent(durable.size_bytes)) {
-    checkpointer_.Begin(engine_);
+    checkpointer_.Begin(engine_, StateDigest());
     engine_.ForgetChangesUpTo(checkpointer_.last_written());
   }
   const MutexLock lock(mutex_);

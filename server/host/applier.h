@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <optional>
+#include <string>
 #include <variant>
 #include <vector>
 
@@ -29,6 +31,7 @@ struct DurableEvent {
 struct ApplierCounts {
   std::uint64_t events_waiting = 0;
   double last_closure_ms = 0.0;  // wall time of the event that last accepted a closure
+  std::uint64_t digests = 0;     // times that the whole state was hashed
 };
 
 // Owns the map's engine. All work happens on the thread that calls Run; the rest is thread-safe.
@@ -57,8 +60,12 @@ class Applier {
   void RequestStop() LOCI_EXCLUDES(mutex_);
 
   ApplierCounts Counts() const LOCI_EXCLUDES(mutex_);
-  // After Run has returned.
+
+  // By a task, or after Run has returned:
   const Engine& engine() const { return engine_; }
+  // The engine's digest, hexadecimal. Hashing takes as long as reading the whole state, and holds
+  // up the events behind it: it is done once for each event, however often it is asked for.
+  const std::string& StateDigest() LOCI_EXCLUDES(mutex_);
 
  private:
   using Work = std::variant<DurableEvent, Task>;
@@ -80,6 +87,8 @@ class Applier {
   bool changed_ = true;           // since the last publication
   bool everything_moved_ = true;  // since the last publication
   std::chrono::steady_clock::time_point published_at_;
+  std::optional<EventNumber> digest_of_;  // what state_digest_ is of
+  std::string state_digest_;
 
   mutable Mutex mutex_;
   ConditionVariable wake_;
@@ -88,6 +97,7 @@ class Applier {
   std::size_t events_waiting_ LOCI_GUARDED_BY(mutex_) = 0;
   std::size_t bytes_waiting_ LOCI_GUARDED_BY(mutex_) = 0;
   double last_closure_ms_ LOCI_GUARDED_BY(mutex_) = 0.0;
+  std::uint64_t digests_ LOCI_GUARDED_BY(mutex_) = 0;
   bool stopping_ LOCI_GUARDED_BY(mutex_) = false;
   bool ended_ LOCI_GUARDED_BY(mutex_) = false;  // Run will look at the queue no more
 };

@@ -9,10 +9,12 @@
 namespace loci {
 namespace {
 
-CheckpointChanges TakeChanges(const Engine& engine, EventNumber since) {
+CheckpointChanges TakeChanges(const Engine& engine,
+                              const std::string& state_digest,
+                              EventNumber since) {
   Engine::RecordChanges changes = engine.ChangesSince(since);
   return {.last_event = engine.last_event(),
-          .state_digest = engine.StateDigest().ToHex(),
+          .state_digest = state_digest,
           .written = std::move(changes.written),
           .removed = std::move(changes.removed)};
 }
@@ -41,8 +43,8 @@ bool Checkpointer::CountEvent(std::size_t size_bytes) {
   return due && !busy_ && !stopping_ && (!not_before_.has_value() || clock_.Now() >= *not_before_);
 }
 
-void Checkpointer::Begin(const Engine& engine) {
-  CheckpointChanges changes = TakeChanges(engine, last_written());
+void Checkpointer::Begin(const Engine& engine, const std::string& state_digest) {
+  CheckpointChanges changes = TakeChanges(engine, state_digest, last_written());
   const MutexLock lock(mutex_);
   events_since_ = 0;
   bytes_since_ = 0;
@@ -62,9 +64,12 @@ void Checkpointer::Stop() {
   }
 }
 
-Status Checkpointer::WriteNow(const Engine& engine) {
-  const EventNumber since = last_written();
-  return engine.last_event() == since ? Status() : Write(TakeChanges(engine, since));
+bool Checkpointer::IsDue(const Engine& engine) const {
+  return engine.last_event() != last_written();
+}
+
+Status Checkpointer::WriteNow(const Engine& engine, const std::string& state_digest) {
+  return Write(TakeChanges(engine, state_digest, last_written()));
 }
 
 EventNumber Checkpointer::last_written() const {

@@ -31,13 +31,16 @@ class Checkpointer {
 
   // By the applier: an event of so many bytes was applied. Whether it should call Begin now.
   bool CountEvent(std::size_t size_bytes) LOCI_EXCLUDES(mutex_);
-  // Takes the engine's changes since the last checkpoint and has them written.
-  void Begin(const Engine& engine) LOCI_EXCLUDES(mutex_);
+  // Takes the engine's changes since the last checkpoint and has them written. `state_digest` is
+  // the engine's.
+  void Begin(const Engine& engine, const std::string& state_digest) LOCI_EXCLUDES(mutex_);
 
   // Ends the thread when what it writes is written; afterwards only WriteNow may be called.
   void Stop() LOCI_EXCLUDES(mutex_);
-  // Writes a checkpoint of the engine now, unless nothing changed since the last. After Stop only.
-  Status WriteNow(const Engine& engine) LOCI_EXCLUDES(mutex_);
+  // Whether the engine has changed since the last checkpoint. After Stop only.
+  bool IsDue(const Engine& engine) const LOCI_EXCLUDES(mutex_);
+  // Writes a checkpoint now. After Stop only.
+  Status WriteNow(const Engine& engine, const std::string& state_digest) LOCI_EXCLUDES(mutex_);
 
   EventNumber last_written() const LOCI_EXCLUDES(mutex_);
 

@@ -75,6 +75,10 @@ void CollectMapMetrics(const SnapshotSource& maps, MetricsText& text) {
                     "Appends that the disk refused.",
                     map,
                     AsNumber(status.append_failures));
+    text.AddCounter("loci_map_state_digests_total",
+                    "Times that the whole state was hashed.",
+                    map,
+                    AsNumber(status.digests));
     text.AddGauge("loci_map_last_closure_seconds",
                   "Time of the event that last closed a loop.",
                   map,

@@ -267,6 +267,30 @@ TEST(MapHostTest, ADamagedCheckpointIsReplacedByAnOlderOneAndALongerReplay) {
   EXPECT_EQ(maps.Digest("a"), digest);
 }
 
+TEST(MapHostTest, TheStateIsHashedOncePerEventHoweverOftenItsDigestIsAskedFor) {
+  HostedMaps maps;
+  const std::vector<ObservationEvent> drive = RoomDrive(20);
+  ASSERT_THAT(maps->Create("a", {}), IsOk());
+  ASSERT_THAT(maps.OpenSession("a", "s"), IsOk());
+  ASSERT_THAT(maps.Append("a", "s", drive, 0, 10), IsOk());
+  const std::uint64_t before = maps.Host("a")->CurrentStatus().digests;
+  const std::string digest = maps.Digest("a");
+  EXPECT_EQ(maps.Digest("a"), digest);
+  std::vector<std::future<StatusOr<HostedMapInfo>>> asked_at_once;
+  for (int i = 0; i < 20; ++i) {
+    asked_at_once.push_back(std::async(std::launch::async, [&] { return maps.Info("a"); }));
+  }
+  for (auto& answer : asked_at_once) {
+    EXPECT_EQ(answer.get()->state_digest, digest);
+  }
+  EXPECT_THAT(maps.Host("a")->Verify([] { return false; }), IsOk());
+  EXPECT_EQ(maps.Host("a")->CurrentStatus().digests, before + 1);
+
+  ASSERT_THAT(maps.Append("a", "s", drive, 10, 11), IsOk());
+  EXPECT_NE(maps.Digest("a"), digest);
+  EXPECT_EQ(maps.Host("a")->CurrentStatus().digests, before + 2);
+}
+
 TEST(MapHostTest, VerificationReplaysFromTheOldestCheckpointToTheServedDigest) {
   HostLimits limits;
   limits.checkpoint_events = 25;
