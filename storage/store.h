@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -29,9 +30,13 @@ struct LogEntry {
   std::string bytes;
 };
 
-// A state of the map at one event: what changed against the checkpoint before it.
+// A state of the map at one event: what changed against an earlier checkpoint.
 struct CheckpointChanges {
   EventNumber last_event;
+  // The checkpoint that the changes count from; 0: from nothing, so all records are given. Absent:
+  // the newest one. Those that are newer are replaced: a recovery that passed over a damaged one
+  // goes on from the one before it.
+  std::optional<EventNumber> since = std::nullopt;
   std::string state_digest;  // hexadecimal
   std::vector<StateRecord> written;
   std::vector<std::pair<std::uint32_t, std::uint64_t>> removed;  // (kind, id)
@@ -83,9 +88,11 @@ class MapStore {
 
   // Writes a checkpoint: it is there as a whole or not at all. The two newest checkpoints are
   // kept, older ones and what only they needed are removed. A removed record that was never stored
-  // is passed over. Appends are let through in between.
-  // Errors: as Append; kFailedPrecondition if last_event is not above the newest checkpoint's, or
-  // above LastEvent(); kInvalidArgument if a record is given twice or is above kRecordSizeMax.
+  // is passed over. Appends are let through in between. Checkpoints that are replaced go first, so
+  // after an error they may be gone; the log has what they had.
+  // Errors: as Append; kFailedPrecondition if `since` is not kept (or 0 and the log is trimmed), or
+  // last_event is not above `since`, or above LastEvent(); kInvalidArgument if a record is given
+  // twice or is above kRecordSizeMax.
   virtual Status WriteCheckpoint(const CheckpointChanges& changes) = 0;
 
   // Checkpoints kept, oldest first.

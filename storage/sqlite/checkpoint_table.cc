@@ -216,6 +216,13 @@ Status CheckpointWriter::Publish(const CheckpointRow& row, EventNumber oldest_ke
   return remove.Bind(1, oldest_kept.value).Run();
 }
 
+Status CheckpointWriter::Withdraw(EventNumber last) {
+  LOCI_ASSIGN_OR_RETURN(
+      Statement remove,
+      Statement::Prepare(*connection_, "DELETE FROM checkpoint WHERE last_event > ?1"));
+  return remove.Bind(1, last.value).Run();
+}
+
 StatusOr<std::vector<std::uint64_t>> CheckpointWriter::FindStaged(EventNumber newest) {
   return FindVersions(*connection_, "SELECT blob_id FROM record WHERE valid_from > ?1", newest);
 }

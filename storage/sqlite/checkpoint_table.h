@@ -59,6 +59,9 @@ class CheckpointWriter {
   // Makes the checkpoint valid, and those before `oldest_kept` invalid.
   Status Publish(const CheckpointRow& row, EventNumber oldest_kept);
 
+  // Makes the checkpoints after `last` invalid. Their versions count as staged then.
+  Status Withdraw(EventNumber last);
+
   // Versions that were staged after the checkpoint `newest` and never became valid.
   StatusOr<std::vector<std::uint64_t>> FindStaged(EventNumber newest);
   // Versions that ended at or before the checkpoint `oldest`.

@@ -134,7 +134,8 @@ Status SqliteMapStore::MoveWal() {
 // it is opened again. A full disk is no failure: what did not fit is known.
 Status SqliteMapStore::Remember(const Status& status) {
   if (status.ok() || status.code() == StatusCode::kResourceExhausted ||
-      status.code() == StatusCode::kInvalidArgument) {
+      status.code() == StatusCode::kInvalidArgument ||
+      status.code() == StatusCode::kFailedPrecondition) {
     return status;
   }
   connection_->KeepWalOnClose();
@@ -207,11 +208,19 @@ EventNumber SqliteMapStore::NewestCheckpoint() const {
 }
 
 Status SqliteMapStore::CheckChanges(const CheckpointChanges& changes) const {
-  if (changes.last_event <= NewestCheckpoint() || changes.last_event > LastEvent()) {
-    return FailedPreconditionError("checkpoint of event " +
-                                   std::to_string(changes.last_event.value) + ", must be above " +
-                                   std::to_string(NewestCheckpoint().value) + " and at most " +
-                                   std::to_string(LastEvent().value));
+  const EventNumber since = changes.since.value_or(NewestCheckpoint());
+  const bool is_kept =
+      std::any_of(checkpoints_.begin(), checkpoints_.end(), [&](const CheckpointRow& row) {
+        return row.last_event == since;
+      });
+  if (since.value != 0 && !is_kept) {
+    return FailedPreconditionError("changes since the checkpoint of event " +
+                                   std::to_string(since.value) + ", which is not kept");
+  }
+  if (changes.last_event <= since || changes.last_event > LastEvent()) {
+    return FailedPreconditionError(
+        "checkpoint of event " + std::to_string(changes.last_event.value) + ", must be above " +
+        std::to_string(since.value) + " and at most " + std::to_string(LastEvent().value));
   }
   std::vector<std::pair<std::uint32_t, std::uint64_t>> names = changes.removed;
   for (const StateRecord& record : changes.written) {
@@ -235,6 +244,9 @@ Status SqliteMapStore::CheckChanges(const CheckpointChanges& changes) const {
 Status SqliteMapStore::WriteCheckpoint(const CheckpointChanges& changes) {
   const std::lock_guard held(checkpoint_mutex_);
   LOCI_RETURN_IF_ERROR(CheckChanges(changes));
+  if (changes.since.has_value() && *changes.since < NewestCheckpoint()) {
+    LOCI_RETURN_IF_ERROR(Withdraw(*changes.since));
+  }
   LOCI_RETURN_IF_ERROR(Unstage());
   CheckpointRow row = checkpoints_.empty() ? CheckpointRow{} : checkpoints_.back();
   row.last_event = changes.last_event;
@@ -258,6 +270,25 @@ Status SqliteMapStore::WriteCheckpoint(const CheckpointChanges& changes) {
   staged_ = false;
   checkpoints_ = std::move(kept);
   IgnoreError(RemoveEnded(), "the checkpoint is valid; the next one removes what is left");
+  return {};
+}
+
+// What the checkpoint `since` had is there again when the versions after it are removed: they were
+// kept for it as for the older one of two.
+Status SqliteMapStore::Withdraw(EventNumber since) {
+  LOCI_RETURN_IF_ERROR(
+      Within("replacing the checkpoints after event " + std::to_string(since.value),
+             Write([&]() -> Status {
+               LOCI_ASSIGN_OR_RETURN(const LogBounds bounds, ReadLogBounds(*connection_));
+               if (since < bounds.begin.number) {
+                 return FailedPreconditionError("the log begins after event " +
+                                                std::to_string(bounds.begin.number.value) +
+                                                ": without them the map could not be recovered");
+               }
+               return checkpoint_writer_.Withdraw(since);
+             })));
+  std::erase_if(checkpoints_, [&](const CheckpointRow& row) { return row.last_event > since; });
+  staged_ = true;
   return {};
 }
 

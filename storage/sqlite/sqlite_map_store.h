@@ -69,6 +69,8 @@ class SqliteMapStore final : public MapStore {
   Status Remember(const Status& status);
 
   Status CheckChanges(const CheckpointChanges& changes) const;
+  // Drops the checkpoints after `since`.
+  Status Withdraw(EventNumber since);
   Status Stage(const CheckpointChanges& changes, CheckpointRow& row);
   Status StagePart(std::span<const StoredRecord> records, CheckpointRow& row);
   Status Unstage();

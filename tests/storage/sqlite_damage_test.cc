@@ -228,6 +228,36 @@ TEST_F(SqliteDamageTest, DamageIsNamedByTableAndNumber) {
   }
 }
 
+TEST_F(SqliteDamageTest, ADamagedNewestCheckpointIsReplacedByOneThatCountsFromThatBeforeIt) {
+  const std::vector<std::string> damages = {
+      "UPDATE blob SET bytes = x'00' WHERE id = 3",
+      "UPDATE record SET size_bytes = 2 WHERE kind = 100",
+      "DELETE FROM record WHERE kind = 100",
+      "DELETE FROM blob WHERE id = 4",
+      "UPDATE record SET valid_until = 20 WHERE kind = 1 AND id = 2",
+      "UPDATE record SET checksum = 1 WHERE blob_id = 3",
+  };
+  for (const std::uint64_t event : {30U, 35U}) {
+    for (const std::string& damage : damages) {
+      SCOPED_TRACE(damage);
+      Put(bytes_);
+      Execute(damage);
+      const std::unique_ptr<MapStore> store = directory_->Open("map").value();
+      ASSERT_THAT(store->ReadCheckpoint({30}), IsStatus(StatusCode::kDataLoss));
+      ASSERT_THAT(store->ReadCheckpoint({10}), IsOk());
+      ASSERT_THAT(store->WriteCheckpoint(Changes(
+                      event, {Record(1, 1, "healed"), Record(100, 1, "h2")}, EventNumber{10})),
+                  IsOk());
+      const StatusOr<Checkpoint> healed = store->ReadCheckpoint({event});
+      ASSERT_THAT(healed, IsOk());
+      EXPECT_EQ(healed->records.size(), 3U);
+      EXPECT_EQ(store->ListCheckpoints()->size(), 2U);
+      ASSERT_THAT(store->WriteCheckpoint(Changes(37, {Record(1, 2, "goes on")})), IsOk());
+      EXPECT_THAT(store->ReadCheckpoint({37}), IsOk());
+    }
+  }
+}
+
 TEST_F(SqliteDamageTest, HalfMadeAndHalfDeletedMapsAreGoneAfterTheNextStart) {
   directory_.reset();
   WriteAll(temporary_.path() / "half.loci.new", bytes_.substr(0, 5000));

@@ -233,6 +233,52 @@ TEST_F(SqliteRecoveryTest, LosesNothingAcknowledgedWhenKilledAtAnyWrite) {
   }
 }
 
+TEST_F(SqliteRecoveryTest, AKillWhileACheckpointIsReplacedLeavesTheOneBeforeItOrBoth) {
+  const auto prepare = [this] {
+    CreateMap();
+    ASSERT_THAT(store_->Append(Entries(1, 12)), IsOk());
+    ASSERT_THAT(store_->WriteCheckpoint(ChangesOf(6)), IsOk());
+    ASSERT_THAT(store_->WriteCheckpoint(ChangesOf(9)), IsOk());
+  };
+  CheckpointChanges replacing = ChangesOf(12);
+  replacing.since = EventNumber{6};
+  prepare();
+  const std::string before = Describe(store_->ReadCheckpoint({6}).value());
+  const std::uint64_t first = disk_->steps();
+  ASSERT_THAT(store_->WriteCheckpoint(replacing), IsOk());
+  const std::string after = Describe(store_->ReadCheckpoint({12}).value());
+  const std::uint64_t steps = disk_->steps() - first;
+  ASSERT_GT(steps, 10U);
+  Close();
+  for (const Crash crash : {Crash::kProcessKilled, Crash::kPowerLostSome}) {
+    for (std::uint64_t step = 1; step <= steps; ++step) {
+      SCOPED_TRACE(::testing::Message()
+                   << "crash " << static_cast<int>(crash) << " at step " << step);
+      prepare();
+      disk_->DieAfter(step);
+      const bool written = store_->WriteCheckpoint(replacing).ok();
+      Close();
+      disk_->Restart(crash, step);
+      Reopen();
+      const std::vector<CheckpointInfo> infos = store_->ListCheckpoints().value();
+      ASSERT_FALSE(infos.empty());
+      EXPECT_EQ(Describe(store_->ReadCheckpoint({6}).value()), before);
+      const std::uint64_t newest = infos.back().last_event.value;
+      EXPECT_TRUE(newest == 12 || !written);
+      if (newest == 12) {
+        EXPECT_EQ(Describe(store_->ReadCheckpoint({12}).value()), after);
+      }
+      EXPECT_THAT(store_->CheckIntegrity(), IsOk());
+      EXPECT_EQ(store_->LastEvent(), EventNumber{12});
+      ExpectGoesOn();
+      Close();
+      if (HasFailure()) {
+        return;
+      }
+    }
+  }
+}
+
 TEST_F(SqliteRecoveryTest, WhatWasReportedAfterAKillIsThereAfterAPowerCut) {
   const std::uint64_t steps = CountSteps();
   for (std::uint64_t step = 1; step <= steps; ++step) {

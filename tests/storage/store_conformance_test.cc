@@ -239,6 +239,32 @@ TEST_P(StoreTest, TheTwoNewestCheckpointsAreKept) {
   EXPECT_THAT(store->CheckIntegrity(), IsOk());
 }
 
+TEST_P(StoreTest, ACheckpointReplacesThoseAfterTheOneThatItCountsFrom) {
+  std::unique_ptr<MapStore> store = Create();
+  ASSERT_THAT(store->Append(Entries(1, 10)), IsOk());
+  ASSERT_THAT(store->WriteCheckpoint(Changes(4, {Record(1, 0, "a"), Record(1, 1, "b")})), IsOk());
+  CheckpointChanges replaced = Changes(8, {Record(1, 0, "wrong"), Record(1, 2, "wrong")});
+  replaced.removed = {{1, 1}};
+  ASSERT_THAT(store->WriteCheckpoint(replaced), IsOk());
+  // Of the same event, and then of an earlier one.
+  ASSERT_THAT(store->WriteCheckpoint(Changes(8, {Record(1, 3, "c")}, EventNumber{4})), IsOk());
+  EXPECT_THAT(CheckpointNumbers(*store), ElementsAre(4, 8));
+  EXPECT_EQ(ReadOne(*store, 8), "8 digest-8 [1 0 a] [1 1 b] [1 3 c]");
+  ASSERT_THAT(store->WriteCheckpoint(Changes(6, {Record(1, 0, "d")}, EventNumber{4})), IsOk());
+  for (int round = 0; round < 2; ++round) {
+    EXPECT_THAT(CheckpointNumbers(*store), ElementsAre(4, 6));
+    EXPECT_EQ(ReadOne(*store, 4), "4 digest-4 [1 0 a] [1 1 b]");
+    EXPECT_EQ(ReadOne(*store, 6), "6 digest-6 [1 0 d] [1 1 b]");
+    EXPECT_THAT(store->CheckIntegrity(), IsOk());
+    store.reset();
+    store = Open();
+  }
+  ASSERT_THAT(store->WriteCheckpoint(Changes(9, {Record(1, 7, "all")}, EventNumber{0})), IsOk());
+  EXPECT_THAT(CheckpointNumbers(*store), ElementsAre(9));
+  EXPECT_EQ(ReadOne(*store, 9), "9 digest-9 [1 7 all]");
+  EXPECT_THAT(store->CheckIntegrity(), IsOk());
+}
+
 TEST_P(StoreTest, ARecordMayBeWrittenAgainAfterItWasRemoved) {
   const std::unique_ptr<MapStore> store = Create();
   ASSERT_THAT(store->Append(Entries(1, 10)), IsOk());
@@ -284,6 +310,8 @@ TEST_P(StoreTest, CheckpointsThatCannotBeAreRefusedAndChangeNothing) {
   EXPECT_THAT(store->WriteCheckpoint(Changes(5, {})),
               IsStatus(StatusCode::kFailedPrecondition, "must be above 5 and at most 10"));
   EXPECT_THAT(store->WriteCheckpoint(Changes(11, {})), IsStatus(StatusCode::kFailedPrecondition));
+  EXPECT_THAT(store->WriteCheckpoint(Changes(7, {}, EventNumber{4})),
+              IsStatus(StatusCode::kFailedPrecondition, "event 4, which is not kept"));
   EXPECT_THAT(store->WriteCheckpoint(Changes(6, {Record(3, 4, "a"), Record(3, 4, "b")})),
               IsStatus(StatusCode::kInvalidArgument, "kind 3, id 4: is given twice"));
   EXPECT_EQ(DescribeStore(*store).value(), content);
@@ -306,6 +334,11 @@ TEST_P(StoreTest, TheLogIsTrimmedUpToTheOldestCheckpointOnly) {
     store = Open();
   }
   EXPECT_THAT(store->Append(Entries(3001, 3002)), IsOk());
+  // Nothing would be left to recover from while such a checkpoint is written.
+  EXPECT_THAT(store->WriteCheckpoint(Changes(3001, {Record(1, 1, "c")}, EventNumber{0})),
+              IsStatus(StatusCode::kFailedPrecondition, "the log begins after event 2500"));
+  EXPECT_THAT(CheckpointNumbers(*store), ElementsAre(2500, 3000));
+  EXPECT_THAT(store->Append(Entries(3003, 3003)), IsOk());
 }
 
 TEST_P(StoreTest, TheLastNumberOutlivesItsEntry) {

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -37,8 +38,11 @@ inline StateRecord Record(std::uint32_t kind, std::uint64_t id, std::string byte
   return {.kind = kind, .id = id, .bytes = std::move(bytes)};
 }
 
-inline CheckpointChanges Changes(std::uint64_t last_event, std::vector<StateRecord> written) {
+inline CheckpointChanges Changes(std::uint64_t last_event,
+                                 std::vector<StateRecord> written,
+                                 std::optional<EventNumber> since = std::nullopt) {
   return {.last_event = {last_event},
+          .since = since,
           .state_digest = "digest-" + std::to_string(last_event),
           .written = std::move(written),
           .removed = {}};
