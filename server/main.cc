@@ -3,6 +3,7 @@
 #include <array>
 #include <chrono>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -140,6 +141,13 @@ int main(int argc, char** argv) {
                  "Where browsers and monitoring call; port 0 takes a free one; \"off\" for none")
       ->capture_default_str()
       ->type_name("HOST:PORT");
+  app.add_option("--checkpoint-events",
+                 options.limits.host.checkpoint_events,
+                 "A map's state is written after so many events: fewer make a start after a kill "
+                 "quicker, and write more")
+      ->capture_default_str()
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 32U))
+      ->type_name("N");
   app.add_flag("--insecure",
                options.insecure,
                "Allow addresses that other machines can reach: nothing is encrypted, and everyone "

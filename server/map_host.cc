@@ -85,9 +85,16 @@ MapHost::Lease::~Lease() {
 MapHost::Serving::Serving(const MapHost& host,
                           std::unique_ptr<MapStore> opened,
                           RecoveredMap recovered)
-    : store(std::move(opened)),
+    : recovered_from(recovered.checkpoint),
+      events_replayed(recovered.events_replayed),
+      store(std::move(opened)),
       publisher(host.map_, host.limits_, host.clock_),
-      checkpointer(host.map_, host.limits_, host.clock_, *store, recovered.checkpoint),
+      checkpointer(host.map_,
+                   host.limits_,
+                   host.clock_,
+                   *store,
+                   recovered.checkpoint,
+                   recovered.events_replayed),
       applier(host.limits_, publisher, checkpointer, std::move(recovered.engine)),
       appender(host.map_, host.limits_, *store, applier, std::move(recovered.admission)) {}
 
@@ -126,7 +133,8 @@ void MapHost::Stop(StopMode mode) {
   if (serving != nullptr) {
     serving->checkpointer.Stop();
     Applier& applier = serving->applier;
-    if (mode == StopMode::kCheckpoint && serving->checkpointer.IsDue(applier.engine())) {
+    if (mode == StopMode::kCheckpoint &&
+        applier.engine().last_event() != serving->checkpointer.last_written()) {
       IgnoreError(serving->checkpointer.WriteNow(applier.engine(), applier.StateDigest()),
                   "it is in the server's log; the next start replays more");
     }
@@ -168,6 +176,9 @@ MapStatus MapHost::CurrentStatus() const {
   status.state = MapState::kServing;
   status.newest = parts.publisher.ring().Peek();
   status.last_event = parts.store->LastEvent().value;
+  status.last_checkpoint = parts.checkpointer.last_written().value;
+  status.recovered_from = parts.recovered_from.value;
+  status.events_replayed = parts.events_replayed;
   const ApplierCounts applied = parts.applier.Counts();
   status.events_waiting = applied.events_waiting;
   status.last_closure_ms = applied.last_closure_ms;

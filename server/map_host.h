@@ -118,6 +118,8 @@ class MapHost {
   // before.
   struct Serving {
     Serving(const MapHost& host, std::unique_ptr<MapStore> opened, RecoveredMap recovered);
+    const EventNumber recovered_from;
+    const std::uint64_t events_replayed;
     const std::unique_ptr<MapStore> store;
     Publisher publisher;
     Checkpointer checkpointer;

@@ -28,6 +28,9 @@ struct MapStatus {
   std::string problem;  // why it is refused, or takes no writes; empty if all is well
   std::shared_ptr<const Snapshot> newest;  // null unless kServing
   std::uint64_t last_event = 0;            // last durable event
+  std::uint64_t last_checkpoint = 0;       // event of the newest checkpoint; 0: none
+  std::uint64_t recovered_from = 0;        // event of the checkpoint that it began with; 0: none
+  std::uint64_t events_replayed = 0;       // after it, when the map was opened
   std::uint64_t events_waiting = 0;        // durable, not yet applied
   std::uint64_t bytes_waiting = 0;         // of requests that are not yet durable
   std::uint64_t appends = 0;               // transactions of the log since the map was opened

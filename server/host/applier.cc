@@ -19,6 +19,7 @@ Applier::Applier(const HostLimits& limits,
 }
 
 void Applier::Run() {
+  WriteCheckpointIfDue();
   for (;;) {
     NextStep step = WaitForStep();
     if (std::holds_alternative<Stop>(step)) {
@@ -126,10 +127,8 @@ void Applier::ApplyEvent(const DurableEvent& durable) {
   LOCI_CHECK(engine_.last_event() == durable.number);
   changed_ = true;
   everything_moved_ = everything_moved_ || effects.closure_accepted;
-  if (checkpointer_.CountEvent(durable.size_bytes)) {
-    checkpointer_.Begin(engine_, StateDigest());
-    engine_.ForgetChangesUpTo(checkpointer_.last_written());
-  }
+  checkpointer_.CountEvent(durable.size_bytes);
+  WriteCheckpointIfDue();
   const MutexLock lock(mutex_);
   --events_waiting_;
   bytes_waiting_ -= durable.size_bytes;
@@ -137,6 +136,13 @@ void Applier::ApplyEvent(const DurableEvent& durable) {
     last_closure_ms_ = wall_time.count();
   }
   room_.NotifyAll();
+}
+
+void Applier::WriteCheckpointIfDue() {
+  if (checkpointer_.IsDue()) {
+    checkpointer_.Begin(engine_, StateDigest());
+    engine_.ForgetChangesUpTo(checkpointer_.last_written());
+  }
 }
 
 void Applier::PublishIfChanged() {

@@ -75,6 +75,7 @@ class Applier {
 
   NextStep WaitForStep() LOCI_EXCLUDES(mutex_);
   void ApplyEvent(const DurableEvent& durable) LOCI_EXCLUDES(mutex_);
+  void WriteCheckpointIfDue();
   void PublishIfChanged();
   void DropQueue() LOCI_EXCLUDES(mutex_);
 

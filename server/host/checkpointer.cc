@@ -14,6 +14,7 @@ CheckpointChanges TakeChanges(const Engine& engine,
                               EventNumber since) {
   Engine::RecordChanges changes = engine.ChangesSince(since);
   return {.last_event = engine.last_event(),
+          .since = since,
           .state_digest = state_digest,
           .written = std::move(changes.written),
           .removed = std::move(changes.removed)};
@@ -25,8 +26,14 @@ Checkpointer::Checkpointer(std::string map,
                            const HostLimits& limits,
                            const Clock& clock,
                            MapStore& store,
-                           EventNumber last)
-    : map_(std::move(map)), limits_(limits), clock_(clock), store_(store), last_written_(last) {
+                           EventNumber last,
+                           std::uint64_t replayed)
+    : map_(std::move(map)),
+      limits_(limits),
+      clock_(clock),
+      store_(store),
+      last_written_(last),
+      events_since_(replayed) {
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -34,10 +41,14 @@ Checkpointer::~Checkpointer() {
   Stop();
 }
 
-bool Checkpointer::CountEvent(std::size_t size_bytes) {
+void Checkpointer::CountEvent(std::size_t size_bytes) {
   const MutexLock lock(mutex_);
   ++events_since_;
   bytes_since_ += size_bytes;
+}
+
+bool Checkpointer::IsDue() const {
+  const MutexLock lock(mutex_);
   const bool due =
       events_since_ >= limits_.checkpoint_events || bytes_since_ >= limits_.checkpoint_log_bytes;
   return due && !busy_ && !stopping_ && (!not_before_.has_value() || clock_.Now() >= *not_before_);
@@ -62,10 +73,6 @@ void Checkpointer::Stop() {
   if (thread_.joinable()) {
     thread_.join();
   }
-}
-
-bool Checkpointer::IsDue(const Engine& engine) const {
-  return engine.last_event() != last_written();
 }
 
 Status Checkpointer::WriteNow(const Engine& engine, const std::string& state_digest) {
@@ -111,9 +118,9 @@ Status Checkpointer::Write(const CheckpointChanges& changes) {
     // A commit whose answer was lost may have happened all the same: the changes of the next one
     // must count from what the store has.
     if (const StatusOr<std::vector<CheckpointInfo>> kept = store_.ListCheckpoints();
-        kept.ok() && !kept->empty()) {
+        kept.ok() && !kept->empty() && kept->back().last_event == changes.last_event) {
       const MutexLock lock(mutex_);
-      last_written_ = kept->back().last_event;
+      last_written_ = changes.last_event;
     }
     return status;
   }

@@ -15,31 +15,35 @@
 
 namespace loci {
 
-// The applier asks after every event whether a checkpoint is due and hands the changes over; they
-// are written on a thread of their own. A checkpoint that fails (a full disk) is tried again later
-// from the state of then: checkpoints only shorten recovery, the log holds the truth.
+// The applier asks at its start and after every event whether a checkpoint is due and hands the
+// changes over; they are written on a thread of their own. A checkpoint that fails (a full disk) is
+// tried again later from the state of then: checkpoints only shorten recovery, the log holds the
+// truth.
 class Checkpointer {
  public:
-  // References must outlive the checkpointer. `last` is the newest checkpoint of the store that the
-  // engine's changes count from; 0 for none.
+  // References must outlive the checkpointer. `last` is the checkpoint of the store that the
+  // engine's changes count from; 0 for none. `replayed` events came after it: they count as applied
+  // since, so that a server that is killed again and again does not replay ever more.
   Checkpointer(std::string map,
                const HostLimits& limits,
                const Clock& clock,
                MapStore& store,
-               EventNumber last);
+               EventNumber last,
+               std::uint64_t replayed);
   ~Checkpointer();
 
-  // By the applier: an event of so many bytes was applied. Whether it should call Begin now.
-  bool CountEvent(std::size_t size_bytes) LOCI_EXCLUDES(mutex_);
+  // By the applier: an event of so many bytes was applied.
+  void CountEvent(std::size_t size_bytes) LOCI_EXCLUDES(mutex_);
+  // By the applier: whether it should call Begin now.
+  bool IsDue() const LOCI_EXCLUDES(mutex_);
   // Takes the engine's changes since the last checkpoint and has them written. `state_digest` is
   // the engine's.
   void Begin(const Engine& engine, const std::string& state_digest) LOCI_EXCLUDES(mutex_);
 
   // Ends the thread when what it writes is written; afterwards only WriteNow may be called.
   void Stop() LOCI_EXCLUDES(mutex_);
-  // Whether the engine has changed since the last checkpoint. After Stop only.
-  bool IsDue(const Engine& engine) const LOCI_EXCLUDES(mutex_);
-  // Writes a checkpoint now. After Stop only.
+  // Writes a checkpoint now. After Stop only, and only if the engine has changed since the last
+  // one.
   Status WriteNow(const Engine& engine, const std::string& state_digest) LOCI_EXCLUDES(mutex_);
 
   EventNumber last_written() const LOCI_EXCLUDES(mutex_);

@@ -61,6 +61,18 @@ void CollectMapMetrics(const SnapshotSource& maps, MetricsText& text) {
                   map,
                   status.state == MapState::kRefused ? 1.0 : 0.0);
     text.AddGauge("loci_map_last_event", "Last durable event.", map, AsNumber(status.last_event));
+    text.AddGauge("loci_map_last_checkpoint_event",
+                  "Event of the newest checkpoint, 0 for none.",
+                  map,
+                  AsNumber(status.last_checkpoint));
+    text.AddGauge("loci_map_recovered_from_event",
+                  "Event of the checkpoint that the map was opened with, 0 for none.",
+                  map,
+                  AsNumber(status.recovered_from));
+    text.AddGauge("loci_map_recovery_replayed_events",
+                  "Events that were replayed when the map was opened.",
+                  map,
+                  AsNumber(status.events_replayed));
     text.AddGauge("loci_map_events_waiting",
                   "Events that are durable and not yet applied.",
                   map,

@@ -137,6 +137,7 @@ void MapAdminService::AddQueries(Dispatcher& dispatcher) {
         LOCI_ASSIGN_OR_RETURN(const std::shared_ptr<const Snapshot> snapshot,
                               maps_.FindSnapshot(request.map(), Revision{}));
         v1::ListClosuresResponse response;
+        response.set_revision(snapshot->revision.value);
         for (const ClosureSnapshot& closure : *snapshot->closures) {
           Fill(closure, *response.add_closures());
         }

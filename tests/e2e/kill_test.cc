@@ -27,6 +27,11 @@ namespace {
 
 constexpr std::uint64_t kDriveLength = 600;
 constexpr std::uint64_t kKills = 20;
+// Several between two kills, so that a kill also meets one that is being written.
+constexpr std::uint64_t kCheckpointEvents = 11;
+
+const std::vector<std::string> kOptions = {"--checkpoint-events",
+                                           std::to_string(kCheckpointEvents)};
 
 struct Outcome {
   std::string digest;
@@ -65,6 +70,26 @@ void StreamAll(client::MappingSession& session) {
   EXPECT_EQ(closed->accepted_count(), kDriveLength);
 }
 
+// How the map came back at the server's start.
+v1::ServerStatus::Map StatusOf(client::Channel& channel) {
+  v1::GetServerStatusRequest request;
+  request.set_map("hall");
+  client::CallOptions options;
+  options.wait_for_ready = true;
+  for (;;) {
+    const auto status =
+        channel.Call<v1::ServerStatus>("loci.v1.MapAdmin/GetServerStatus", request, options);
+    if (status.ok() && status->ready()) {
+      return status->maps(0);
+    }
+    // The connection that the kill broke, or a map that recovers.
+    if (!status.ok() && status.status().code() != StatusCode::kUnavailable) {
+      ADD_FAILURE() << status.status().ToString();
+      return {};
+    }
+  }
+}
+
 Outcome OutcomeOf(client::Channel& channel) {
   Outcome outcome;
   v1::GetMapInfoRequest request;
@@ -100,13 +125,15 @@ TEST(KillTest, TwentyKillsLeaveTheSameDigestAndTrajectoryBitForBit) {
   ASSERT_EQ(expected.trajectory.size(), kDriveLength);
 
   const TemporaryDirectory disk;
-  auto server = std::make_unique<ServerProcess>(LOCI_LOCID, disk.path());
+  auto server =
+      std::make_unique<ServerProcess>(LOCI_LOCID, disk.path(), "tcp://127.0.0.1:0", kOptions);
   const std::string endpoint = server->endpoint();
   const auto channel = client::Channel::Create(endpoint);
   CreateMap(*channel);
   const auto session = OpenSession(channel);
   std::thread robot([&] { StreamAll(*session); });
   RandomSequence random(20260301);
+  std::uint64_t recovered_from = 0;
   for (std::uint64_t kill = 0; kill < kKills; ++kill) {
     // Somewhere in each twentieth of the drive, and at any moment of what the server does then.
     const std::uint64_t after = (kill * kDriveLength + random.NextBits() % kDriveLength) / kKills;
@@ -114,18 +141,30 @@ TEST(KillTest, TwentyKillsLeaveTheSameDigestAndTrajectoryBitForBit) {
       std::this_thread::yield();
     }
     std::this_thread::sleep_for(std::chrono::microseconds(random.NextBits() % 3000));
+    // Every other one in a server that has written a checkpoint.
+    std::uint64_t checkpoint = recovered_from;
+    while (kill % 2 == 1 && checkpoint == recovered_from &&
+           session->progress().last_durable_number < kDriveLength) {
+      checkpoint = StatusOf(*channel).last_checkpoint();
+    }
     EXPECT_EQ(server->End(SIGKILL), -SIGKILL);
-    server = std::make_unique<ServerProcess>(LOCI_LOCID, disk.path(), endpoint);
+    server = std::make_unique<ServerProcess>(LOCI_LOCID, disk.path(), endpoint, kOptions);
+    const v1::ServerStatus::Map status = StatusOf(*channel);
+    EXPECT_GE(status.recovered_from() + status.events_replayed(), after + 2);  // 2: made, opened
+    EXPECT_GE(status.recovered_from(), checkpoint);
+    recovered_from = status.recovered_from();
   }
   robot.join();
   const Outcome outcome = OutcomeOf(*channel);
   EXPECT_EQ(outcome.digest, expected.digest);
   EXPECT_EQ(outcome.trajectory, expected.trajectory);
+  EXPECT_GT(recovered_from, kDriveLength / 2);
   v1::VerifyMapRequest verify;
   verify.set_map("hall");
   const auto verified = channel->Call<v1::VerifyMapResponse>("loci.v1.MapAdmin/VerifyMap", verify);
   ASSERT_THAT(verified, IsOk());
   EXPECT_EQ(verified->state_digest(), expected.digest);
+  EXPECT_GT(verified->replayed_from(), 0U);
   EXPECT_EQ(server->End(SIGINT), 0);
 }
 

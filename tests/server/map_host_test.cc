@@ -3,6 +3,7 @@
 
 #include <fstream>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -265,6 +266,45 @@ TEST(MapHostTest, ADamagedCheckpointIsReplacedByAnOlderOneAndALongerReplay) {
   maps.faults().newest_checkpoint_damaged = true;
   maps.Start();
   EXPECT_EQ(maps.Digest("a"), digest);
+}
+
+TEST(MapHostTest, EventsThatAreReplayedCountForTheNextCheckpoint) {
+  HostLimits limits;
+  limits.checkpoint_events = 1000;
+  HostedMaps maps(limits);
+  const std::string digest = StreamAll(maps, "a", 10);
+  EXPECT_EQ(maps.Host("a")->CurrentStatus().last_checkpoint, 0U);
+  maps.limits().checkpoint_events = 20;
+  maps.Restart(StopMode::kAbandon);
+  // Nothing comes; what was replayed is enough.
+  while (maps.Host("a")->CurrentStatus().last_checkpoint == 0) {
+    std::this_thread::yield();
+  }
+  maps.Restart(StopMode::kAbandon);
+  EXPECT_EQ(maps.Host("a")->CurrentStatus().events_replayed, 0U);
+  EXPECT_EQ(maps.Digest("a"), digest);
+}
+
+TEST(MapHostTest, ADamagedCheckpointIsWrittenAnewAtTheNextStopThoughNothingChanged) {
+  HostLimits limits;
+  limits.checkpoint_events = 20;
+  HostedMaps maps(limits);
+  const std::string digest = StreamAll(maps, "a", 10);
+  const std::uint64_t last_event = maps.Info("a")->last_event.value;
+  maps.Stop(StopMode::kCheckpoint);
+  maps.faults().newest_checkpoint_damaged = true;
+  maps.Start();
+  MapStatus status = maps.Host("a")->CurrentStatus();
+  EXPECT_LT(status.recovered_from, last_event);
+  EXPECT_EQ(status.recovered_from + status.events_replayed, last_event);
+  maps.Stop(StopMode::kCheckpoint);
+  maps.faults().newest_checkpoint_damaged = false;
+  maps.Start();
+  status = maps.Host("a")->CurrentStatus();
+  EXPECT_EQ(status.recovered_from, last_event);
+  EXPECT_EQ(status.events_replayed, 0U);
+  EXPECT_EQ(maps.Digest("a"), digest);
+  EXPECT_THAT(maps.Host("a")->Verify([] { return false; }), IsOk());
 }
 
 TEST(MapHostTest, TheStateIsHashedOncePerEventHoweverOftenItsDigestIsAskedFor) {

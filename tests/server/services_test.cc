@@ -144,6 +144,12 @@ TEST_F(ServicesTest, AClosedSessionIsInEveryAnswerThatFollows) {
   mesh_request.set_map("hall");
   const auto mesh = server_.Call<v1::Mesh>("MapQuery/GetMesh", mesh_request);
   ASSERT_THAT(mesh, IsOk());
+  v1::ListClosuresRequest closures_request;
+  closures_request.set_map("hall");
+  const auto closures =
+      server_.Call<v1::ListClosuresResponse>("MapAdmin/ListClosures", closures_request);
+  ASSERT_THAT(closures, IsOk());
+  EXPECT_EQ(closures->revision(), info->revision());
   EXPECT_EQ(static_cast<std::uint64_t>(mesh->ltr_vertices_size()), 3 * info->ltrs());
 }
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 #include <sys/prctl.h>
@@ -18,10 +19,19 @@ namespace loci {
 
 class ServerProcess {
  public:
-  // `listen` with port 0 takes a free one.
+  // `listen` with port 0 takes a free one. `more` are options besides.
   ServerProcess(const std::string& program,
                 const std::filesystem::path& data,
-                const std::string& listen = "tcp://127.0.0.1:0") {
+                const std::string& listen = "tcp://127.0.0.1:0",
+                const std::vector<std::string>& more = {}) {
+    std::vector<std::string> words = {
+        program, "--data", data.string(), "--listen", listen, "--http", "127.0.0.1:0"};
+    words.insert(words.end(), more.begin(), more.end());
+    std::vector<char*> arguments;
+    for (std::string& word : words) {
+      arguments.push_back(word.data());
+    }
+    arguments.push_back(nullptr);
     std::array<int, 2> out{};
     EXPECT_EQ(::pipe(out.data()), 0);
     pid_ = ::fork();
@@ -29,15 +39,7 @@ class ServerProcess {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // it does not outlive a test that crashes
       ::dup2(out[1], STDOUT_FILENO);
       ::close(out[0]);
-      ::execl(program.c_str(),
-              program.c_str(),
-              "--data",
-              data.c_str(),
-              "--listen",
-              listen.c_str(),
-              "--http",
-              "127.0.0.1:0",
-              nullptr);
+      ::execv(program.c_str(), arguments.data());
       ::_exit(127);
     }
     ::close(out[1]);
