@@ -6,7 +6,10 @@
 namespace loci {
 
 JobQueue::JobQueue(std::string name, std::size_t thread_count, std::size_t waiting_max)
-    : name_(std::move(name)), waiting_max_(waiting_max), idle_(thread_count) {
+    : name_(std::move(name)),
+      thread_count_(thread_count),
+      waiting_max_(waiting_max),
+      idle_(thread_count) {
   for (std::size_t i = 0; i < thread_count; ++i) {
     threads_.emplace_back([this] { Run(); });
   }
@@ -20,6 +23,7 @@ JobQueue::~JobQueue() {
     dropped.swap(waiting_);
     wake_.NotifyAll();
   }
+  dropped.clear();  // whoever waits for one of them need not wait for those that run
   for (std::thread& thread : threads_) {
     thread.join();
   }
@@ -28,7 +32,8 @@ JobQueue::~JobQueue() {
 Status JobQueue::Submit(Job job) {
   const MutexLock lock(mutex_);
   if (waiting_.size() >= idle_ + waiting_max_) {
-    return ResourceExhaustedError(name_ + ": " + std::to_string(waiting_.size()) +
+    return ResourceExhaustedError(name_ + ": " + std::to_string(thread_count_) + " run and " +
+                                  std::to_string(waiting_max_) +
                                   " wait already, which is the limit; call again later");
   }
   waiting_.push_back(std::move(job));

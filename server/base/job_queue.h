@@ -33,6 +33,7 @@ class JobQueue {
   void Run() LOCI_EXCLUDES(mutex_);
 
   const std::string name_;
+  const std::size_t thread_count_;
   const std::size_t waiting_max_;
   Mutex mutex_;
   ConditionVariable wake_;
