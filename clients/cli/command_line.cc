@@ -129,15 +129,23 @@ void AddCommand(CLI::App& root,
   app->callback([chosen, &command] { *chosen = &command; });
 }
 
+// What may help, as far as code and message tell.
 std::string Hint(const Status& status) {
+  const auto says = [&status](std::string_view words) {
+    return status.message().find(words) != std::string::npos;
+  };
   switch (status.code()) {
     case StatusCode::kUnavailable:
-      return "is locid running there? Start it with: locid --data DIR; or name another server with "
-             "--server or LOCI_SERVER";
+      // Not for a map that recovers, or a call that was cut off.
+      return says("is locid running there?") ? "start it with: locid --data DIR; or name another "
+                                               "server with --server or LOCI_SERVER"
+                                             : "";
     case StatusCode::kDeadlineExceeded:
       return "a longer --timeout may help";
     case StatusCode::kResourceExhausted:
-      return "make room on the server's disk, then run the command again";
+      // Of other limits the message itself says what to do: wait, or ask for less.
+      return says("the disk is full") ? "make room on the server's disk, then run the command again"
+                                      : "";
     default:
       return {};
   }

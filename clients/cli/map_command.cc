@@ -65,7 +65,7 @@ Status RunList(Context& context) {
     if (entry.healthy()) {
       context.out() << "revision " << entry.revision() << '\n';
     } else {
-      context.out() << "refused: " << entry.problem() << '\n';
+      context.out() << entry.problem() << '\n';  // that it recovers, is refused, takes no writes
     }
   }
   return {};

@@ -22,8 +22,12 @@ void PrintMaps(const v1::ServerStatus& status, std::ostream& out) {
       << (status.maps_size() == 1 ? " map\n" : " maps\n");
   for (const v1::ServerStatus::Map& map : status.maps()) {
     out << map.map() << ": ";
+    // A map without a revision is not served, and its problem says why: it recovers, or is refused.
+    // One that only takes no writes is read as ever.
     if (!map.problem().empty()) {
-      out << "refused: " << map.problem() << '\n';
+      out << map.problem() << (map.revision() == 0 ? "\n" : "\n  still read: ");
+    }
+    if (map.revision() == 0 && !map.problem().empty()) {
       continue;
     }
     const v1::CellsWritten& cells = map.cells_written();

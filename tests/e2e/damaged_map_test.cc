@@ -17,6 +17,7 @@ namespace {
 
 using testing::AnyOf;
 using testing::HasSubstr;
+using testing::Not;
 
 class DamagedMapTest : public ProgramsTest {
  protected:
@@ -75,6 +76,10 @@ TEST_F(DamagedMapTest, AFileWithoutItsHeaderIsRefusedWithWhatToDoAndTheOtherMapI
   EXPECT_EQ(status["ready"], true);
   for (const nlohmann::json& map : status["maps"]) {
     EXPECT_EQ(map["problem"] == "", map["map"] == "whole") << map;
+  }
+  for (const Ended& listed : {Loci({"status"}), Loci({"map", "list"})}) {
+    EXPECT_THAT(listed.out, HasSubstr("DATA_LOSS: map \"damaged\" is refused: "));
+    EXPECT_THAT(listed.out, Not(HasSubstr("refused: DATA_LOSS")));
   }
   ExpectOtherMapServed();
 }

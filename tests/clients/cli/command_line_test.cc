@@ -11,6 +11,7 @@ namespace loci::cli {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 struct Outcome {
   ExitCode code;
@@ -115,10 +116,29 @@ TEST(CommandLineTest, TurnsAStatusIntoAnExitCodeAndItsMessage) {
   const Outcome late =
       RunWords(Sample(values, DeadlineExceededError("late")), {"thing", "make", "a"});
   EXPECT_EQ(late.code, ExitCode::kUnreachable);
-  const Outcome away = RunWords(Sample(values, UnavailableError("away")), {"thing", "make", "a"});
+  const Outcome away =
+      RunWords(Sample(values, UnavailableError("nothing answers; is locid running there?")),
+               {"thing", "make", "a"});
   EXPECT_EQ(away.code, ExitCode::kUnreachable);
   EXPECT_THAT(away.error, HasSubstr(std::string(kDefaultServer)));
   EXPECT_THAT(away.error, HasSubstr("hint:"));
+}
+
+TEST(CommandLineTest, AHintFitsItsCauseAndIsLeftOutWhereTheMessageSaysAll) {
+  const auto error_of = [](const Status& status) {
+    return RunWords(Sample(std::make_shared<Values>(), status), {"thing", "make", "a"}).error;
+  };
+  EXPECT_THAT(error_of(ResourceExhaustedError("map \"a\": the disk is full: a.loci")),
+              HasSubstr("hint: make room on the server's disk"));
+  EXPECT_THAT(error_of(UnavailableError("nothing answers; is locid running there?")),
+              HasSubstr("hint: start it with: locid --data DIR"));
+  for (const Status& status :
+       {ResourceExhaustedError("session \"s\": 9 bytes wait to become durable; send again later"),
+        ResourceExhaustedError(
+            "the answer has 9 bytes, more than a message may have; ask for less"),
+        UnavailableError("map \"a\" is recovering; call again in a moment")}) {
+    EXPECT_THAT(error_of(status), Not(HasSubstr("hint:"))) << status.ToString();
+  }
 }
 
 TEST(ParsePoseTest, TakesThreeNumbersAndNothingElse) {
