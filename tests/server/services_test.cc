@@ -2,6 +2,8 @@
 // The services over the wire, against a whole server.
 #include <algorithm>
 #include <atomic>
+#include <chrono>
+#include <future>
 #include <map>
 #include <string>
 #include <thread>
@@ -254,6 +256,65 @@ TEST_F(ServicesTest, AMapIsVerifiedWhileItIsServedAndAfterARestart) {
   }
   ASSERT_THAT(info, IsOk());
   EXPECT_EQ(info->state_digest(), digest);
+}
+
+TEST_F(ServicesTest, ReadsGoOnWhileMoreVerificationsRunThanThereAreWorkers) {
+  constexpr std::size_t kVerifications = 8;
+  Append(0, kDriveLength);
+  ASSERT_THAT(Close(), IsOk());
+  server_.Stop();
+  server_.options().limits.verifications_at_once = kVerifications;
+  server_.Start();
+  while (server_.Info("hall").status().code() == StatusCode::kUnavailable) {  // recovering
+  }
+  v1::VerifyMapRequest request;
+  request.set_map("hall");
+  std::vector<std::future<StatusOr<v1::VerifyMapResponse>>> verifications;
+  for (std::size_t i = 0; i < kVerifications; ++i) {
+    verifications.push_back(
+        server_.channel().CallFuture<v1::VerifyMapResponse>("loci.v1.MapAdmin/VerifyMap", request));
+  }
+  // While as many run as there are workers: a read that waits for them would come after.
+  const auto two_run = [&verifications] {
+    return std::count_if(verifications.begin(), verifications.end(), [](const auto& one) {
+             return one.wait_for(std::chrono::seconds(0)) != std::future_status::ready;
+           }) >= 2;
+  };
+  v1::GetTileRequest tile;
+  tile.set_map("hall");
+  tile.set_layer("occupancy");
+  tile.set_zoom(10);
+  int reads = 0;
+  while (two_run()) {
+    ASSERT_THAT(server_.Call<v1::Tile>("MapQuery/GetTile", tile), IsOk());
+    reads += two_run() ? 1 : 0;
+  }
+  EXPECT_GT(reads, 0);
+  for (auto& verification : verifications) {
+    EXPECT_THAT(verification.get(), IsOk());
+  }
+}
+
+TEST_F(ServicesTest, AVerificationMoreThanMayRunIsRefusedAndSaysSo) {
+  Append(0, kDriveLength);
+  ASSERT_THAT(Close(), IsOk());
+  v1::VerifyMapRequest request;
+  request.set_map("hall");
+  std::vector<std::future<StatusOr<v1::VerifyMapResponse>>> asked_at_once;
+  for (int i = 0; i < 8; ++i) {
+    asked_at_once.push_back(
+        server_.channel().CallFuture<v1::VerifyMapResponse>("loci.v1.MapAdmin/VerifyMap", request));
+  }
+  int done = 0;
+  for (auto& asked : asked_at_once) {
+    const StatusOr<v1::VerifyMapResponse> answer = asked.get();
+    done += answer.ok() ? 1 : 0;
+    if (!answer.ok()) {
+      EXPECT_THAT(answer, IsStatus(StatusCode::kResourceExhausted, "verifications: 1 run"));
+    }
+  }
+  EXPECT_GE(done, 1);
+  EXPECT_LT(done, 8);
 }
 
 TEST_F(ServicesTest, TheStatusNamesEveryMapAndCountsItsCells) {
