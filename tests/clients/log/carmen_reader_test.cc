@@ -3,17 +3,16 @@
 
 #include <array>
 #include <cstdio>
-#include <filesystem>
 #include <fstream>
 #include <string>
 #include <vector>
 
 #include <bzlib.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 #include <zlib.h>
 
 #include "core/base/random.h"
+#include "tests/support/temporary_directory.h"
 
 namespace loci {
 namespace {
@@ -24,20 +23,14 @@ constexpr double kDegree = kPi / 180.0;
 class TemporaryFile {
  public:
   explicit TemporaryFile(const std::string& bytes) {
-    std::array<char, 32> name = {"/tmp/loci_log_XXXXXX"};
-    const int descriptor = mkstemp(name.data());
-    path_ = name.data();
-    close(descriptor);
     std::ofstream(path_, std::ios::binary) << bytes;
   }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-  ~TemporaryFile() { std::filesystem::remove(path_); }
 
   const std::string& path() const { return path_; }
 
  private:
-  std::string path_;
+  const TemporaryDirectory directory_;
+  const std::string path_ = (directory_.path() / "log.clf").string();
 };
 
 std::string Gzip(const std::string& text) {
