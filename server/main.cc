@@ -120,9 +120,7 @@ int Serve(const loci::ServerOptions& options) {
   return kExitOk;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int Run(int argc, char** argv) {
   loci::ServerOptions options;
   options.version = LOCI_VERSION;
   std::string data;
@@ -169,9 +167,15 @@ int main(int argc, char** argv) {
         stderr, "locid: %s\nRun with --help for more information.\n", status.message().c_str());
     return kExitUsage;
   }
+  StartLog(verbose);
+  return Serve(options);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
   try {
-    StartLog(verbose);
-    return Serve(options);
+    return Run(argc, argv);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "locid: %s\n", error.what());
     return kExitRefused;

@@ -265,7 +265,7 @@ void MapHost::AppendBatch(std::string session, BatchRequest batch, Done<AppendOu
   lease->parts().appender.Submit({std::move(session), std::move(batch), std::move(done)});
 }
 
-void MapHost::CloseSession(std::string session, Done<HostedSession> done) {
+void MapHost::CloseSession(std::string session, const Done<HostedSession>& done) {
   const StatusOr<Lease> lease = Acquire();
   if (!lease.ok()) {
     done(lease.status());
@@ -291,7 +291,7 @@ void MapHost::CloseSession(std::string session, Done<HostedSession> done) {
                            }});
 }
 
-void MapHost::GetInfo(Done<HostedMapInfo> done) {
+void MapHost::GetInfo(const Done<HostedMapInfo>& done) {
   const StatusOr<Lease> lease = Acquire();
   if (!lease.ok()) {
     done(lease.status());

@@ -106,10 +106,10 @@ class MapHost {
   void OpenSession(std::string session, OpenRequest open, Done<HostedSession> done);
   void AppendBatch(std::string session, BatchRequest batch, Done<AppendOutcome> done);
   // Done when all of the session's events are applied and published.
-  void CloseSession(std::string session, Done<HostedSession> done);
+  void CloseSession(std::string session, const Done<HostedSession>& done);
 
   // Done when every event that is durable now is applied.
-  void GetInfo(Done<HostedMapInfo> done);
+  void GetInfo(const Done<HostedMapInfo>& done);
   // Takes as long as reading everything and replaying; `cancelled` is asked often.
   StatusOr<VerificationReport> Verify(const std::function<bool()>& cancelled);
 

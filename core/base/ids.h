@@ -13,7 +13,9 @@ struct Id {
   using ValueType = Integer;
   Integer value = 0;
 
-  friend constexpr auto operator<=>(const Id&, const Id&) = default;
+  // clang-tidy 14 takes what the compiler makes of <=> for a null pointer.
+  friend constexpr auto operator<=>(const Id&,
+                                    const Id&) = default;  // NOLINT(modernize-use-nullptr)
 };
 
 // A node of the pose graph and the local map around it. Numbers start at 0 and are never used

@@ -27,7 +27,9 @@ struct TileAddress {
   std::int32_t x = 0;
   std::int32_t y = 0;
 
-  friend auto operator<=>(const TileAddress&, const TileAddress&) = default;
+  // clang-tidy 14 takes what the compiler makes of <=> for a null pointer.
+  friend auto operator<=>(const TileAddress&,
+                          const TileAddress&) = default;  // NOLINT(modernize-use-nullptr)
 };
 
 // An axis-parallel box in frame map, in metres; closed. Empty if max < min in either direction.

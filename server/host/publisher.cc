@@ -101,7 +101,7 @@ Publisher::Publisher(std::string map, const HostLimits& limits, const Clock& clo
 
 Publisher::~Publisher() = default;
 
-void Publisher::Publish(std::shared_ptr<const Snapshot> snapshot, bool everything_moved) {
+void Publisher::Publish(const std::shared_ptr<const Snapshot>& snapshot, bool everything_moved) {
   const std::shared_ptr<const Snapshot> before = ring_.Peek();
   ring_.Publish(snapshot);
   const std::vector<std::shared_ptr<Subscriber>> subscribers = CurrentSubscribers();

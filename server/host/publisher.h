@@ -25,7 +25,7 @@ class Publisher {
 
   // Makes `snapshot` the newest and calls every subscriber. `everything_moved`: a closure was
   // accepted since the last call.
-  void Publish(std::shared_ptr<const Snapshot> snapshot, bool everything_moved);
+  void Publish(const std::shared_ptr<const Snapshot>& snapshot, bool everything_moved);
 
   // Calls every subscriber a last time and forgets them.
   void End();

@@ -70,7 +70,7 @@ void Dispatcher::AddService(std::string_view service) {
   }
 }
 
-void Dispatcher::AddHandler(std::string method, Handler handler) {
+void Dispatcher::AddHandler(const std::string& method, Handler&& handler) {
   const auto [position, inserted] = impl_->handlers_.try_emplace(method, std::move(handler));
   if (!inserted) {
     impl_->doubled_.push_back(position->first);

@@ -75,21 +75,21 @@ class Dispatcher : public TransportSink {
   // A handler that answers at once. `method` is "loci.v1.MapQuery/GetTile".
   template <typename Request, typename Response>
   void AddUnary(
-      std::string method,
+      const std::string& method,
       Execution execution,
       std::function<StatusOr<Response>(ServerCall& call, const Request& request)> handler);
 
   // A handler that may answer later, from any thread.
   template <typename Request, typename Response>
   void AddAsyncUnary(
-      std::string method,
+      const std::string& method,
       Execution execution,
       std::function<void(std::shared_ptr<UnaryCall<Request, Response>> call)> handler);
 
   // A handler that gives the source of a stream. It may keep the call, to Wake it.
   template <typename Request, typename Response>
   void AddServerStream(
-      std::string method,
+      const std::string& method,
       Execution execution,
       std::function<StatusOr<StreamSource<Response>>(const std::shared_ptr<ServerCall>& call,
                                                      const Request& request)> handler);
@@ -123,7 +123,7 @@ class Dispatcher : public TransportSink {
     Execution execution = Execution::kWorker;
     Invoke invoke;
   };
-  void AddHandler(std::string method, Handler handler);
+  void AddHandler(const std::string& method, Handler&& handler);
   // Scans and parses `body`, or ends the call with kInvalidArgument.
   bool ParseRequest(ServerCall& call, const std::string& body, google::protobuf::Message& request);
 
@@ -132,16 +132,16 @@ class Dispatcher : public TransportSink {
 
 template <typename Request, typename Response>
 void Dispatcher::AddUnary(
-    std::string method,
+    const std::string& method,
     Execution execution,
     std::function<StatusOr<Response>(ServerCall& call, const Request& request)> handler) {
-  AddHandler(std::move(method),
+  AddHandler(method,
              {Request::descriptor(),
               Response::descriptor(),
               false,
               execution,
               [this, handler = std::move(handler)](const std::shared_ptr<ServerCall>& call,
-                                                   std::string body) {
+                                                   const std::string& body) {
                 Request request;
                 if (!ParseRequest(*call, body, request)) {
                   return;
@@ -157,10 +157,10 @@ void Dispatcher::AddUnary(
 
 template <typename Request, typename Response>
 void Dispatcher::AddAsyncUnary(
-    std::string method,
+    const std::string& method,
     Execution execution,
     std::function<void(std::shared_ptr<UnaryCall<Request, Response>> call)> handler) {
-  AddHandler(std::move(method),
+  AddHandler(method,
              {Request::descriptor(),
               Response::descriptor(),
               false,
@@ -177,17 +177,17 @@ void Dispatcher::AddAsyncUnary(
 
 template <typename Request, typename Response>
 void Dispatcher::AddServerStream(
-    std::string method,
+    const std::string& method,
     Execution execution,
     std::function<StatusOr<StreamSource<Response>>(const std::shared_ptr<ServerCall>& call,
                                                    const Request& request)> handler) {
-  AddHandler(std::move(method),
+  AddHandler(method,
              {Request::descriptor(),
               Response::descriptor(),
               true,
               execution,
               [this, handler = std::move(handler)](const std::shared_ptr<ServerCall>& call,
-                                                   std::string body) {
+                                                   const std::string& body) {
                 Request request;
                 if (!ParseRequest(*call, body, request)) {
                   return;

@@ -90,23 +90,14 @@ void MapAdminService::AddTo(Dispatcher& dispatcher) {
           verified.Finish(response);
         });
       });
+  AddGetMapInfo(dispatcher);
   AddQueries(dispatcher);
 }
 
-void MapAdminService::AddQueries(Dispatcher& dispatcher) {
-  dispatcher.AddUnary<v1::ListMapsRequest, v1::ListMapsResponse>(
-      "loci.v1.MapAdmin/ListMaps",
-      Execution::kWorker,
-      [this](ServerCall&, const v1::ListMapsRequest&) -> StatusOr<v1::ListMapsResponse> {
-        v1::ListMapsResponse response;
-        for (const MapStatus& status : maps_.Maps()) {
-          Fill(status, *response.add_maps());
-        }
-        return response;
-      });
+void MapAdminService::AddGetMapInfo(Dispatcher& dispatcher) {
   using Info = UnaryCall<v1::GetMapInfoRequest, v1::MapInfo>;
   dispatcher.AddAsyncUnary<v1::GetMapInfoRequest, v1::MapInfo>(
-      "loci.v1.MapAdmin/GetMapInfo", Execution::kWorker, [this](std::shared_ptr<Info> call) {
+      "loci.v1.MapAdmin/GetMapInfo", Execution::kWorker, [this](const std::shared_ptr<Info>& call) {
         const StatusOr<std::shared_ptr<MapHost>> host = maps_.Find(call->request().map());
         if (!host.ok()) {
           call->Finish(host.status());
@@ -128,6 +119,19 @@ void MapAdminService::AddQueries(Dispatcher& dispatcher) {
         if (!status.ok()) {
           call->Finish(status);
         }
+      });
+}
+
+void MapAdminService::AddQueries(Dispatcher& dispatcher) {
+  dispatcher.AddUnary<v1::ListMapsRequest, v1::ListMapsResponse>(
+      "loci.v1.MapAdmin/ListMaps",
+      Execution::kWorker,
+      [this](ServerCall&, const v1::ListMapsRequest&) -> StatusOr<v1::ListMapsResponse> {
+        v1::ListMapsResponse response;
+        for (const MapStatus& status : maps_.Maps()) {
+          Fill(status, *response.add_maps());
+        }
+        return response;
       });
   dispatcher.AddUnary<v1::ListClosuresRequest, v1::ListClosuresResponse>(
       "loci.v1.MapAdmin/ListClosures",

@@ -24,6 +24,7 @@ class MapAdminService {
   void AddTo(Dispatcher& dispatcher);
 
  private:
+  void AddGetMapInfo(Dispatcher& dispatcher);
   void AddQueries(Dispatcher& dispatcher);
 
   const Clock& clock_;

@@ -53,7 +53,9 @@ void AnswerAppend(const MapHost& host, Append& call, const StatusOr<AppendOutcom
 void MappingService::AddTo(Dispatcher& dispatcher) {
   dispatcher.AddService("loci.v1.Mapping");
   dispatcher.AddAsyncUnary<v1::OpenSessionRequest, v1::SessionState>(
-      "loci.v1.Mapping/OpenSession", Execution::kOrdered, [this](std::shared_ptr<Open> call) {
+      "loci.v1.Mapping/OpenSession",
+      Execution::kOrdered,
+      [this](const std::shared_ptr<Open>& call) {
         const StatusOr<std::shared_ptr<MapHost>> host = maps_.Find(call->request().map());
         if (!host.ok()) {
           call->Finish(host.status());
@@ -63,7 +65,9 @@ void MappingService::AddTo(Dispatcher& dispatcher) {
             call->request().session(), OpenRequestFrom(call->request()), AnswerWithSession(call));
       });
   dispatcher.AddAsyncUnary<v1::CloseSessionRequest, v1::SessionState>(
-      "loci.v1.Mapping/CloseSession", Execution::kOrdered, [this](std::shared_ptr<Close> call) {
+      "loci.v1.Mapping/CloseSession",
+      Execution::kOrdered,
+      [this](const std::shared_ptr<Close>& call) {
         const StatusOr<std::shared_ptr<MapHost>> host = maps_.Find(call->request().map());
         const Status name = ValidateName(call->request().session(), "session");
         if (!host.ok() || !name.ok()) {
@@ -78,7 +82,9 @@ void MappingService::AddTo(Dispatcher& dispatcher) {
 
 void MappingService::AddAppend(Dispatcher& dispatcher) {
   dispatcher.AddAsyncUnary<v1::AppendBatchRequest, v1::AppendBatchResponse>(
-      "loci.v1.Mapping/AppendBatch", Execution::kOrdered, [this](std::shared_ptr<Append> call) {
+      "loci.v1.Mapping/AppendBatch",
+      Execution::kOrdered,
+      [this](const std::shared_ptr<Append>& call) {
         const StatusOr<std::shared_ptr<MapHost>> host = maps_.Find(call->request().map());
         if (!host.ok()) {
           call->Finish(host.status());

@@ -188,8 +188,8 @@ std::string EncodeBytes(std::span<const LogOdds8> pixels,
                         std::uint32_t width,
                         std::uint32_t height,
                         Layer layer) {
-  static const std::array<std::uint8_t, 256> kGreys = MakeGreys();
-  static const std::vector<Colour> kMovingPalette = MakeMovingPalette();
+  static const std::array<std::uint8_t, 256> greys = MakeGreys();
+  static const std::vector<Colour> moving_palette = MakeMovingPalette();
   const bool is_grey = layer == Layer::kOccupancy;
   DeflateMemory& memory = MemoryOfThread();
   memory.rows.resize((std::size_t{width} + 1) * height);
@@ -198,13 +198,13 @@ std::string EncodeBytes(std::span<const LogOdds8> pixels,
   for (std::uint32_t row = 0; row < height; ++row) {
     *to++ = 0;  // no filter
     for (std::uint32_t column = 0; column < width; ++column, ++from) {
-      *to++ = is_grey ? kGreys[IndexOf(*from)] : static_cast<std::uint8_t>(IndexOf(*from));
+      *to++ = is_grey ? greys[IndexOf(*from)] : static_cast<std::uint8_t>(IndexOf(*from));
     }
   }
   PngWriter writer;
   writer.AddHeader(width, height, 8, is_grey ? kGrey : kPalette);
   if (!is_grey) {
-    writer.AddPalette(kMovingPalette);
+    writer.AddPalette(moving_palette);
   }
   writer.AddRows(memory);
   PngWriter::GiveBack(memory);
@@ -215,7 +215,7 @@ std::string EncodeTri(std::span<const LogOdds8> pixels,
                       std::uint32_t width,
                       std::uint32_t height,
                       Layer layer) {
-  static const std::array<std::uint8_t, 256> kIndices = MakeTriIndices();
+  static const std::array<std::uint8_t, 256> indices = MakeTriIndices();
   const std::size_t row_size_bytes = (std::size_t{width} + 3) / 4 + 1;
   DeflateMemory& memory = MemoryOfThread();
   memory.rows.resize(row_size_bytes * height);
@@ -227,7 +227,7 @@ std::string EncodeTri(std::span<const LogOdds8> pixels,
     for (std::uint32_t column = 0; column < width; column += 4) {
       unsigned byte = 0;
       for (std::uint32_t i = column; i < column + 4; ++i) {
-        byte = byte << 2U | (i < width ? kIndices[IndexOf(from[i])] : 0U);
+        byte = byte << 2U | (i < width ? indices[IndexOf(from[i])] : 0U);
       }
       *to++ = static_cast<std::uint8_t>(byte);
     }
