@@ -80,6 +80,7 @@ Connection::~Connection() {
 }
 
 Status Connection::Run(const char* sql) {
+  errno = 0;  // for Failure
   const int result = sqlite3_exec(handle_, sql, nullptr, nullptr, nullptr);
   return result == SQLITE_OK ? Status() : Failure(result);
 }
@@ -104,6 +105,7 @@ Status Connection::ReadConsistently(const std::function<Status()>& body) {
 }
 
 Status Connection::MoveWal() {
+  errno = 0;  // for Failure
   const int result =
       sqlite3_wal_checkpoint_v2(handle_, nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr);
   return result == SQLITE_OK || result == SQLITE_BUSY ? Status() : Failure(result);
@@ -114,7 +116,11 @@ void Connection::KeepWalOnClose() {
 }
 
 Status Connection::Failure(int result) const {
-  const int system_error = handle_ == nullptr ? 0 : sqlite3_system_errno(handle_);
+  // SQLite's own note of the system's error is not of this call when a COMMIT failed: it takes none
+  // then. So errno comes first, which was cleared before the call.
+  const int last_error = errno;
+  const int noted_error = handle_ == nullptr ? 0 : sqlite3_system_errno(handle_);
+  const int system_error = last_error != 0 ? last_error : noted_error;
   const char* text = handle_ == nullptr ? sqlite3_errstr(result) : sqlite3_errmsg(handle_);
   std::string message = file_name_ + ": " + text + " (SQLite code " + std::to_string(result);
   if (system_error != 0) {
@@ -220,6 +226,7 @@ Statement& Statement::BindText(int parameter, std::string_view text) {
 }
 
 StatusOr<bool> Statement::Step() {
+  errno = 0;  // for Connection::Failure
   const int result = bind_result_ == SQLITE_OK ? sqlite3_step(handle_) : bind_result_;
   if (result == SQLITE_ROW) {
     return true;

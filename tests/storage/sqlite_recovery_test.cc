@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A map file after kills, power cuts, failing and full disks at every step of its life.
+#include <csignal>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -10,6 +11,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include "storage/sqlite/sqlite_store.h"
 #include "storage/store.h"
@@ -358,6 +360,48 @@ TEST_F(SqliteRecoveryTest, DiskFullIsToldAndNothingAcknowledgedIsLost) {
     Close();
   }
   FAIL() << "the script never had room";
+}
+
+// As a quota does: SQLite calls it an I/O error, which would end all writing.
+TEST_F(SqliteRecoveryTest, TheSystemsLimitOfFilesIsToldAsAFullDiskAndWritesGoOnAfterwards) {
+  class FileSizeLimit {
+   public:
+    FileSizeLimit() {
+      std::signal(SIGXFSZ, SIG_IGN);
+      EXPECT_EQ(::getrlimit(RLIMIT_FSIZE, &before_), 0);
+    }
+    ~FileSizeLimit() { EXPECT_EQ(::setrlimit(RLIMIT_FSIZE, &before_), 0); }
+    void Set(rlim_t size) {
+      const rlimit limit{.rlim_cur = size, .rlim_max = before_.rlim_max};
+      EXPECT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
+    }
+
+   private:
+    rlimit before_{};
+  };
+  const TemporaryDirectory disk;
+  const auto directory = OpenSqliteDirectory(disk.path()).value();
+  std::unique_ptr<MapStore> store = directory->Create("map").value();
+  std::uint64_t last = 0;
+  FileSizeLimit limit;
+  for (rlim_t size = 40'000; size <= 200'000; size += 1'300) {
+    SCOPED_TRACE(::testing::Message() << "files of " << size << " bytes");
+    limit.Set(size);
+    Status status;
+    while (status.ok()) {
+      status = store->Append(Entries(last + 1, last + 7));
+      last += status.ok() ? 7U : 0U;
+    }
+    ASSERT_THAT(status, IsStatus(StatusCode::kResourceExhausted, "the disk is full"));
+    const Status checkpoint = store->WriteCheckpoint(Changes(last, {Record(1, 1, "a")}));
+    ASSERT_TRUE(checkpoint.ok() || checkpoint.code() == StatusCode::kResourceExhausted ||
+                checkpoint.code() == StatusCode::kFailedPrecondition)
+        << checkpoint.ToString();
+    EXPECT_EQ(store->LastEvent().value, last);
+  }
+  limit.Set(RLIM_INFINITY);
+  EXPECT_THAT(store->Append(Entries(last + 1, last + 7)), IsOk());
+  EXPECT_THAT(store->CheckIntegrity(), IsOk());
 }
 
 TEST_F(SqliteRecoveryTest, AMapCanBeOpenedAndReadWhileTheDiskIsFull) {
