@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A disk of a few megabytes that fills up while a robot streams, and gets room again.
+// A disk that fills up while a robot streams, and gets room again.
 #include <csignal>
 #include <memory>
 #include <string>
@@ -13,14 +13,14 @@
 #include "tests/support/matchers.h"
 #include "tests/support/observation_messages.h"
 #include "tests/support/room_drive.h"
+#include "tests/support/scarce_room.h"
 #include "tests/support/server_process.h"
-#include "tests/support/small_disk.h"
 #include "tests/support/temporary_directory.h"
 
 namespace loci {
 namespace {
 
-class DiskFullTest : public testing::Test {
+class DiskFullTest : public testing::TestWithParam<Shortage> {
  protected:
   template <typename Response>
   StatusOr<Response> Call(const std::string& method, const google::protobuf::MessageLite& request) {
@@ -57,14 +57,15 @@ class DiskFullTest : public testing::Test {
   std::shared_ptr<client::Channel> channel_;
 };
 
-TEST_F(DiskFullTest, TheClientIsToldNothingIsLostAndTheServerGoesOnWhenThereIsRoom) {
+TEST_P(DiskFullTest, TheClientIsToldNothingIsLostAndTheServerGoesOnWhenThereIsRoom) {
   constexpr std::size_t kBatch = 50;
-  SmallDisk disk("640k");
-  if (!disk.mounted()) {
+  ScarceRoom room(GetParam());
+  if (!room.possible()) {
     GTEST_SKIP() << "mounting a tmpfs is not allowed here";
   }
-  ServerProcess server(LOCI_LOCID, disk.path());
+  ServerProcess server(LOCI_LOCID, room.maps());
   CreateAndOpen(server.endpoint());
+  room.RunOut(server, std::size_t{400} << 10U);
   std::size_t durable = 0;
   Status refusal;
   while (refusal.ok() && durable < drive_.size()) {
@@ -85,7 +86,7 @@ TEST_F(DiskFullTest, TheClientIsToldNothingIsLostAndTheServerGoesOnWhenThereIsRo
   ASSERT_THAT(state, IsOk());
   EXPECT_EQ(state->last_durable_number(), durable);
   EXPECT_THAT(Append(durable, durable + kBatch), IsStatus(StatusCode::kResourceExhausted));
-  disk.Resize("64m");
+  room.ComeBack(server);
   const std::size_t end = durable + 4 * kBatch;
   for (; durable < end; durable += kBatch) {
     ASSERT_THAT(Append(durable, durable + kBatch), IsOk());
@@ -101,6 +102,11 @@ TEST_F(DiskFullTest, TheClientIsToldNothingIsLostAndTheServerGoesOnWhenThereIsRo
   }
   EXPECT_EQ(CloseForDigest(), digest);
 }
+
+INSTANTIATE_TEST_SUITE_P(Shortages,
+                         DiskFullTest,
+                         testing::Values(Shortage::kFileSystem, Shortage::kFileSize),
+                         ShortageName);
 
 }  // namespace
 }  // namespace loci

@@ -3,15 +3,13 @@
 #include <chrono>
 #include <csignal>
 #include <cstdint>
-#include <filesystem>
-#include <fstream>
 #include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/support/programs.h"
-#include "tests/support/small_disk.h"
+#include "tests/support/scarce_room.h"
 
 namespace loci {
 namespace {
@@ -20,22 +18,11 @@ using std::chrono::seconds;
 
 constexpr std::uint64_t kScans = 600;
 
-class FullDiskStreamTest : public ProgramsTest {
- protected:
-  // Leaves `left_bytes` of the file system of `ballast`.
-  static void Fill(const std::filesystem::path& ballast, std::uintmax_t left_bytes) {
-    std::ofstream file(ballast, std::ios::binary | std::ios::app);
-    const std::string piece(4096, 'x');
-    while (std::filesystem::space(ballast).available > left_bytes + piece.size()) {
-      file << piece << std::flush;
-      ASSERT_TRUE(file.good());
-    }
-  }
-};
+class FullDiskStreamTest : public ProgramsTest, public testing::WithParamInterface<Shortage> {};
 
-TEST_F(FullDiskStreamTest, TheClientWaitsForRoomAndTheMapIsThatOfAnUndisturbedRun) {
-  SmallDisk disk("16m");
-  if (!disk.mounted()) {
+TEST_P(FullDiskStreamTest, TheClientWaitsForRoomAndTheMapIsThatOfAnUndisturbedRun) {
+  ScarceRoom room(GetParam());
+  if (!room.possible()) {
     GTEST_SKIP() << "mounting a tmpfs is not allowed here";
   }
   const std::string log = WriteOfficeLog(Path("log"), kScans);
@@ -44,10 +31,9 @@ TEST_F(FullDiskStreamTest, TheClientWaitsForRoomAndTheMapIsThatOfAnUndisturbedRu
   const Outcome expected = OutcomeOf("hall");
   EXPECT_EQ(server().End(SIGTERM), 0);
 
-  StartServerOn(disk.path());
+  StartServerOn(room.maps());
   ASSERT_EQ(Loci({"map", "create", "hall"}).exit_code, 0);
-  const std::filesystem::path ballast = disk.root() / "ballast";
-  Fill(ballast, 96U << 10U);
+  room.RunOut(server(), 96U << 10U);
   Program stream(Command({"stream",
                           log,
                           "--map",
@@ -69,7 +55,7 @@ TEST_F(FullDiskStreamTest, TheClientWaitsForRoomAndTheMapIsThatOfAnUndisturbedRu
   EXPECT_EQ(LociJson({"status"})["ready"], true);
   EXPECT_EQ(HttpGet(server().http_port(), "/healthz").status, 200);
   EXPECT_FALSE(stream.Ends(seconds(1))) << stream.error();
-  ASSERT_TRUE(std::filesystem::remove(ballast));
+  room.ComeBack(server());
   ASSERT_EQ(stream.Wait(), 0) << stream.error();
   EXPECT_GT(nlohmann::json::parse(stream.out())["interruptions"], 0);
   const Outcome outcome = OutcomeOf("hall");
@@ -78,6 +64,11 @@ TEST_F(FullDiskStreamTest, TheClientWaitsForRoomAndTheMapIsThatOfAnUndisturbedRu
   EXPECT_EQ(LociJson({"map", "verify", "hall"})["state_digest"], expected.digest);
   EXPECT_EQ(server().End(SIGTERM), 0);
 }
+
+INSTANTIATE_TEST_SUITE_P(Shortages,
+                         FullDiskStreamTest,
+                         testing::Values(Shortage::kFileSystem, Shortage::kFileSize),
+                         ShortageName);
 
 }  // namespace
 }  // namespace loci
