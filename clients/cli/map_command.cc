@@ -84,7 +84,8 @@ void PrintInfo(const v1::MapInfo& info, std::ostream& out) {
       << "LTRs           " << info.ltrs() << '\n'
       << "closures       " << info.closures() << '\n'
       << "file           " << bytes.total() << " bytes: map " << bytes.map() << ", history "
-      << bytes.history() << ", log " << bytes.log() << '\n'
+      << bytes.history() << ", log " << bytes.log()
+      << (bytes.map() == 0 && bytes.log() > 0 ? " (no checkpoint yet: all is in the log)\n" : "\n")
       << "settings       cell size " << settings.cell_size_m() << " m, place length "
       << settings.place_length_m() << " m, range " << settings.range_max_m() << " m, seed "
       << settings.seed() << '\n';

@@ -157,6 +157,11 @@ TEST_F(ProgramTest, TakesALogToAMapAndTheMapToFiles) {
   }
   EXPECT_GT(Number(info.fields().at("file_bytes").struct_value(), "total"), 0.0);
   EXPECT_EQ(info.fields().at("state_digest").string_value().size(), 32U);
+  // A map this young has all its bytes in the log, and says so where 0 bytes would startle.
+  EXPECT_NE(Loci("map info office" + server_option_).out.find("map 0, history 0, log "),
+            std::string::npos);
+  EXPECT_NE(Loci("map info office" + server_option_).out.find("no checkpoint yet"),
+            std::string::npos);
   const Struct status = Json(Loci("status --json" + server_option_).out);
   EXPECT_TRUE(status.fields().at("ready").bool_value());
   const Struct& map = status.fields().at("maps").list_value().values(0).struct_value();
