@@ -75,9 +75,6 @@ Status ResourceExhaustedError(std::string message) {
 Status FailedPreconditionError(std::string message) {
   return {StatusCode::kFailedPrecondition, std::move(message)};
 }
-Status AbortedError(std::string message) {
-  return {StatusCode::kAborted, std::move(message)};
-}
 Status OutOfRangeError(std::string message) {
   return {StatusCode::kOutOfRange, std::move(message)};
 }

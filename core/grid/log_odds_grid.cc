@@ -68,19 +68,6 @@ std::size_t LogOddsGrid::BlockCount() const {
       std::count_if(blocks_.begin(), blocks_.end(), [](const auto& b) { return b != nullptr; }));
 }
 
-std::size_t LogOddsGrid::ObservedCount() const {
-  std::size_t count = 0;
-  for (const auto& block : blocks_) {
-    if (block != nullptr) {
-      count += static_cast<std::size_t>(
-          std::count_if(block->cells.begin(), block->cells.end(), [](LogOdds8 value) {
-            return value != kUnobserved;
-          }));
-    }
-  }
-  return count;
-}
-
 CellBox LogOddsGrid::Extended(const CellBox& extent, CellIndex block) {
   return {{std::min(extent.min.x, block.x), std::min(extent.min.y, block.y)},
           {std::max(extent.max.x, block.x), std::max(extent.max.y, block.y)}};

@@ -83,8 +83,6 @@ class LogOddsGrid {
   // Box of all blocks, in cells; empty for an empty grid.
   CellBox Bounds() const;
   std::size_t BlockCount() const;
-  // Number of cells that are not kUnobserved.
-  std::size_t ObservedCount() const;
 
   // A copy that stays as the grid is now.
   LogOddsGrid Share();

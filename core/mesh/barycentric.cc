@@ -3,32 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <string>
 
 namespace loci {
 
 Affine2 MapFromUv(const TriangleInMap& triangle) {
   const auto& corners = triangle.corners_in_map;
   return {corners[0], corners[1] - corners[0], corners[2] - corners[0]};
-}
-
-StatusOr<BarycentricUv> ToBarycentric(const TriangleInMap& triangle,
-                                      const Eigen::Vector2d& point_in_map,
-                                      double area_min_m2) {
-  LOCI_CHECK(area_min_m2 > 0.0);
-  const Affine2 map_from_uv = MapFromUv(triangle);
-  const double double_area_m2 = map_from_uv.Determinant();
-  if (!(double_area_m2 >= 2.0 * area_min_m2)) {
-    return InvalidArgumentError("triangle.corners: area " + std::to_string(0.5 * double_area_m2) +
-                                " m2, must be at least " + std::to_string(area_min_m2) +
-                                " m2 (negative: clockwise)");
-  }
-  // The offset is taken first, so that large coordinates do not cost digits.
-  const Eigen::Vector2d offset = point_in_map - map_from_uv.origin;
-  const Eigen::Vector2d& e_u = map_from_uv.x_axis;
-  const Eigen::Vector2d& e_v = map_from_uv.y_axis;
-  return BarycentricUv{(offset.x() * e_v.y() - offset.y() * e_v.x()) / double_area_m2,
-                       (e_u.x() * offset.y() - e_u.y() * offset.x()) / double_area_m2};
 }
 
 TriangleShape ShapeOf(const TriangleInMap& triangle) {

@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/grids.h"
 #include "tests/support/hosted_maps.h"
 #include "tests/support/matchers.h"
 #include "tests/support/room_drive.h"
@@ -193,13 +194,13 @@ TEST(MapHostTest, APinnedRevisionStaysAsItWasWhileWritesGoOn) {
   ASSERT_THAT(maps.Info("a"), IsOk());
   const auto pinned = maps->FindSnapshot("a", Revision{});
   ASSERT_THAT(pinned, IsOk());
-  const std::size_t cells = (*pinned)->overlays.at(0).stationary.ObservedCount();
+  const std::size_t cells = ObservedCount((*pinned)->overlays.at(0).stationary);
   for (std::size_t begin = 30; begin < 120; begin += 5) {
     ASSERT_THAT(maps.Append("a", "s", drive, begin, begin + 5), IsOk());
     const auto again = maps->FindSnapshot("a", (*pinned)->revision);
     ASSERT_THAT(again, IsOk());
     EXPECT_EQ(*again, *pinned);
-    EXPECT_EQ((*again)->overlays.at(0).stationary.ObservedCount(), cells);
+    EXPECT_EQ(ObservedCount((*again)->overlays.at(0).stationary), cells);
   }
   EXPECT_THAT(maps->FindSnapshot("a", Revision{9999}), IsStatus(StatusCode::kNotFound, "9999"));
 }

@@ -67,11 +67,15 @@ inline LogOdds8 SampleMesh(const MeshSnapshot& mesh,
     const TriangleInMap triangle{{mesh.vertices_in_map[ltr.vertices[0].value],
                                   mesh.vertices_in_map[ltr.vertices[1].value],
                                   mesh.vertices_in_map[ltr.vertices[2].value]}};
-    const StatusOr<BarycentricUv> at = ToBarycentric(triangle, point, 1e-9);
-    if (texture == nullptr || !at.ok() || at->u < 0.0 || at->v < 0.0 || at->u + at->v >= 1.0) {
+    const Affine2 map_from_uv = MapFromUv(triangle);
+    if (texture == nullptr || map_from_uv.Determinant() < 2e-9) {  // turned over, or a line
       continue;
     }
-    const LogOdds8 value = SampleTexture(*texture, at->u, at->v);
+    const Eigen::Vector2d uv = Inverse(map_from_uv) * point;
+    if (uv.x() < 0.0 || uv.y() < 0.0 || uv.x() + uv.y() >= 1.0) {
+      continue;
+    }
+    const LogOdds8 value = SampleTexture(*texture, uv.x(), uv.y());
     if (value != kUnobserved) {
       sum += value;
       observed = true;

@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "core/base/random.h"
+#include "tests/support/grids.h"
 #include "tests/support/matchers.h"
 
 namespace loci {
@@ -27,7 +28,7 @@ LogOdds8 RandomValue(RandomSequence& random) {
 }
 
 void ExpectHolds(const LogOddsGrid& grid, const Cells& cells) {
-  EXPECT_EQ(grid.ObservedCount(), cells.size());
+  EXPECT_EQ(ObservedCount(grid), cells.size());
   for (const auto& [cell, value] : cells) {
     EXPECT_EQ(grid.At({cell.first, cell.second}), value);
   }

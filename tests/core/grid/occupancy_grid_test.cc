@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/generator.h"
+#include "tests/support/grids.h"
 
 namespace loci {
 namespace {
@@ -212,7 +213,7 @@ TEST(OccupancyGridTest, BeamsThatSawNothingFreeNothing) {
   EXPECT_EQ(IntegrateScan(scan, {}, {}, kRangeMaxM, kCellM, grid), 0U);
   scan = Fan(181, 20);  // dirt on the window
   EXPECT_EQ(IntegrateScan(scan, {}, {}, kRangeMaxM, kCellM, grid), 0U);
-  EXPECT_EQ(grid.ObservedCount(), 0U);
+  EXPECT_EQ(ObservedCount(grid), 0U);
 }
 
 TEST(OccupancyGridTest, FreeSpaceEndsAtTheRangeLimit) {

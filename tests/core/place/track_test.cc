@@ -5,6 +5,7 @@
 
 #include "core/grid/occupancy_grid.h"
 #include "tests/support/generator.h"
+#include "tests/support/grids.h"
 
 namespace loci {
 namespace {
@@ -109,7 +110,7 @@ TEST(TrackTest, AMovingThingGoesIntoTheMovingGridOnly) {
     Take(event, run);
   }
   ExpectNear(run.Estimate(), pose, 0.05, 0.02);
-  EXPECT_GT(run.place.moving.ObservedCount(), 20U);
+  EXPECT_GT(ObservedCount(run.place.moving), 20U);
   const double cell_m = run.settings.cell_size_m;
   for (const Eigen::Vector2d& at : walked) {
     EXPECT_LE(run.place.stationary.At(CellOf(at, cell_m)), 0);
@@ -133,7 +134,7 @@ TEST(TrackTest, HandOverKeepsThePoseAndGoesOnMatching) {
       ExpectNear(run.Estimate(), before, 1e-12, 1e-12);
       EXPECT_GT(run.place.patch.cells().size(), 200U);  // reference content
       EXPECT_EQ(run.place.patch.cells()[0].own_hits, 0U);
-      EXPECT_EQ(run.place.stationary.ObservedCount(), 0U);  // which does not vote
+      EXPECT_EQ(ObservedCount(run.place.stationary), 0U);  // which does not vote
     }
     SCOPED_TRACE(i);
     ExpectNear(run.Estimate(), poses[i], 0.05, 0.02);

@@ -106,7 +106,8 @@ TEST_P(CallTest, CarriesMetadataAndTheDeadline) {
   RpcServer server(GetParam(), [](const CallPointer& call) {
     const auto found = call->context().metadata().find("trace");
     EXPECT_FALSE(call->context().deadline().never());
-    call->Finish(AbortedError(found == call->context().metadata().end() ? "-" : found->second));
+    call->Finish(Status(StatusCode::kAborted,
+                        found == call->context().metadata().end() ? "-" : found->second));
   });
   CallOptions options;
   options.metadata["trace"] = "4711";
