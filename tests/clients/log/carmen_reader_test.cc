@@ -2,9 +2,11 @@
 #include "clients/log/carmen_reader.h"
 
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <bzlib.h>
@@ -336,6 +338,42 @@ TEST(CarmenReaderTest, ReportsACompressedLogThatIsCutAtAnyByte) {
       EXPECT_TRUE(!skipped.status.ok() || skipped.skipped == 1U) << size;
     }
   }
+}
+
+// What every scan that is read promises, whatever stood in the file.
+void ExpectUsable(const LogScan& scan) {
+  EXPECT_GE(scan.stamp_ns, 0);
+  EXPECT_GT(scan.angle_step_rad, 0.0);
+  EXPECT_FALSE(scan.ranges_mm.empty());
+  EXPECT_LE(scan.ranges_mm.size(), 4096U);
+  for (const Pose2& pose : {scan.odom_from_robot, scan.robot_from_laser}) {
+    EXPECT_TRUE(std::isfinite(pose.x) && std::isfinite(pose.y) && std::isfinite(pose.theta));
+  }
+}
+
+TEST(CarmenReaderTest, WhatItReadsOfADamagedLogIsUsableAndTheRestIsRefused) {
+  const std::string log =
+      SmallLog() + "ROBOTLASER1 0 -1 2 1 20 0.01 0 3 1 2 3 0 0 0 0 0 0 0 0 0 104.5 host 0.1\n";
+  constexpr std::string_view kBytes = "0123456789.-+eEnaif \n\t#FLRPO\xff";
+  RandomSequence random(12);
+  std::size_t read = 0;
+  std::size_t refused = 0;
+  for (int round = 0; round < 1000; ++round) {
+    std::string bytes = log;
+    for (std::uint64_t i = 0, changes = 1 + random.NextBits() % 6; i < changes; ++i) {
+      bytes[random.NextBits() % bytes.size()] = kBytes[random.NextBits() % kBytes.size()];
+    }
+    const Outcome outcome = ReadAll(bytes, CarmenReaderOptions::OnError::kSkip);
+    for (const LogScan& scan : outcome.scans) {
+      ExpectUsable(scan);
+    }
+    read += outcome.scans.size();
+    refused += outcome.skipped;
+    EXPECT_TRUE(outcome.status.ok() || outcome.status.code() == StatusCode::kInvalidArgument)
+        << outcome.status.ToString();
+  }
+  EXPECT_GT(read, 1000U);
+  EXPECT_GT(refused, 500U);
 }
 
 TEST(CarmenReaderTest, LivesThroughRandomBytes) {

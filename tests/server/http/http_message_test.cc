@@ -1,8 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/http/http_message.h"
 
+#include <algorithm>
+#include <string>
+#include <string_view>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "core/base/random.h"
 
 namespace loci {
 namespace {
@@ -11,6 +17,12 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Pair;
+
+bool IsPrintable(std::string_view text) {
+  return std::all_of(text.begin(), text.end(), [](char c) {
+    return static_cast<unsigned char>(c) >= 0x20 && c != 0x7f;
+  });
+}
 
 TEST(HttpTargetTest, SplitsPathAndQuery) {
   const StatusOr<HttpRequest> request = ParseHttpTarget("/maps/hall%2d1?revision=7&a=%26");
@@ -55,6 +67,34 @@ INSTANTIATE_TEST_SUITE_P(All,
                                            "/a%7f",
                                            "/a?b=%00",
                                            "/a?revision=1&revision=2"));
+
+TEST(HttpTargetTest, AnyBytesAreRefusedOrGiveNamesWithoutControlCharacters) {
+  constexpr std::string_view kBytes = "/%?&=.2eEfF07aZ \n\r\x7f\x80\xff";
+  RandomSequence random(31);
+  int refused = 0;
+  for (int round = 0; round < 20'000; ++round) {
+    std::string target = "/";
+    for (std::uint64_t i = random.NextBits() % 24; i > 0; --i) {
+      target += kBytes[random.NextBits() % kBytes.size()];
+    }
+    const StatusOr<HttpRequest> request = ParseHttpTarget(target);
+    if (!request.ok()) {
+      EXPECT_EQ(request.status().code(), StatusCode::kInvalidArgument) << target;
+      ++refused;
+      continue;
+    }
+    for (const std::string& segment : request->path) {
+      EXPECT_NE(segment, ".") << target;
+      EXPECT_NE(segment, "..") << target;
+      EXPECT_TRUE(IsPrintable(segment)) << target;
+    }
+    for (const auto& [key, value] : request->query) {
+      EXPECT_TRUE(IsPrintable(key) && IsPrintable(value)) << target;
+    }
+  }
+  EXPECT_GT(refused, 1000);
+  EXPECT_LT(refused, 19'000);
+}
 
 TEST(EtagTest, MatchesInListsWeaklyAndByStar) {
   EXPECT_TRUE(EtagMatches("\"a\"", "\"a\""));
