@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "clients/cpp/pending_call.h"
 #include "clients/cpp/stream_state.h"
 #include "loci/v1/envelope.pb.h"
 
@@ -17,45 +18,10 @@ namespace {
 using SteadyTime = std::chrono::steady_clock::time_point;
 using std::chrono::milliseconds;
 
-constexpr std::uint32_t kProtocolVersion = 1;
 constexpr std::uint32_t kStatusCodeMax = 16;
 // Again after this, when the link takes nothing.
 constexpr milliseconds kSendRetry{5};
 constexpr milliseconds kWaitMax{10'000};
-
-// A call that is not over.
-struct PendingCall {
-  std::string method;
-  std::string body;
-  CallOptions options;
-  std::optional<SteadyTime> deadline;
-  bool sent = false;
-  Channel::RawCallback callback;        // of a unary call
-  std::shared_ptr<StreamState> stream;  // of a stream
-  std::optional<std::string> response;  // of a unary call that has not ended
-};
-
-std::string Envelope(v1::FrameKind kind, std::uint64_t call_id) {
-  v1::Envelope envelope;
-  envelope.set_protocol_version(kProtocolVersion);
-  envelope.set_kind(kind);
-  envelope.set_call_id(call_id);
-  return envelope.SerializeAsString();
-}
-
-std::string RequestEnvelope(std::uint64_t call_id, const PendingCall& call, SteadyTime now) {
-  v1::Envelope envelope;
-  envelope.set_protocol_version(kProtocolVersion);
-  envelope.set_kind(v1::FRAME_KIND_REQUEST);
-  envelope.set_call_id(call_id);
-  envelope.set_method(call.method);
-  if (call.deadline.has_value()) {
-    const auto left = std::chrono::duration_cast<std::chrono::microseconds>(*call.deadline - now);
-    envelope.set_timeout_us(std::max<std::int64_t>(left.count(), 1));
-  }
-  envelope.mutable_metadata()->insert(call.options.metadata.begin(), call.options.metadata.end());
-  return envelope.SerializeAsString();
-}
 
 }  // namespace
 
@@ -92,7 +58,6 @@ class Channel::Impl : public std::enable_shared_from_this<Channel::Impl> {
   void OnLost(const std::string& reason);
   void AddToStream(std::uint64_t call_id, PendingCall& call, std::string body);
   void EndCall(std::uint64_t call_id, const Status& status);
-  static void Complete(PendingCall call, const Status& status);
   std::string Where(const PendingCall& call) const { return call.method + " on " + endpoint_; }
 
   const std::string endpoint_;
@@ -416,18 +381,6 @@ void Channel::Impl::EndCall(std::uint64_t call_id, const Status& status) {
   auto node = calls_.extract(call_id);
   if (!node.empty()) {
     Complete(std::move(node.mapped()), status);
-  }
-}
-
-void Channel::Impl::Complete(PendingCall call, const Status& status) {
-  if (call.stream != nullptr) {
-    call.stream->End(status);
-  } else if (!status.ok()) {
-    call.callback(status);
-  } else if (call.response.has_value()) {
-    call.callback(*std::move(call.response));
-  } else {
-    call.callback(InternalError(call.method + ": the server ended the call without an answer"));
   }
 }
 

@@ -3,12 +3,12 @@
 #include "clients/cpp/mapping_session.h"
 
 #include <algorithm>
-#include <condition_variable>
-#include <deque>
 #include <mutex>
 #include <string_view>
 #include <thread>
 #include <utility>
+
+#include "clients/cpp/session_backlog.h"
 
 namespace loci::client {
 namespace {
@@ -16,7 +16,6 @@ namespace {
 using SteadyTime = std::chrono::steady_clock::time_point;
 using std::chrono::milliseconds;
 
-constexpr std::size_t kRefusalsKeptMax = 1000;
 constexpr milliseconds kBackoffMin{50};
 constexpr milliseconds kBackoffMax{2'000};
 // One attempt to reach the server; several fit into retry_for.
@@ -52,79 +51,6 @@ CallOptions Attempt(milliseconds timeout) {
   return options;
 }
 
-struct Batch {
-  v1::AppendBatchRequest request;
-  std::uint64_t last_number = 0;
-  bool in_flight = false;
-  bool answered = false;  // well or badly
-  Status status;
-};
-
-// What the session's threads and the callbacks of its calls share. Callbacks may come after the
-// session's end, so they hold it.
-struct Shared {
-  std::mutex mutex;
-  std::condition_variable changed;
-  bool stopping = false;
-  Status failure;  // final
-
-  std::vector<v1::Observation> waiting;  // for a batch
-  std::size_t waiting_bytes = 0;
-  SteadyTime waiting_since;
-  bool flushing = false;
-
-  std::deque<Batch> batches;  // sent or to be sent, not durable, in order
-  std::size_t in_flight = 0;
-  MappingProgress progress;
-  std::vector<Refusal> refusals;
-
-  // With the mutex held:
-  void DropDurable() {
-    while (!batches.empty() && !batches.front().in_flight &&
-           batches.front().last_number <= progress.last_durable_number) {
-      batches.pop_front();
-    }
-  }
-  void OnAnswer(std::uint64_t first_number, const StatusOr<v1::AppendBatchResponse>& answer);
-  void TakeAnswer(const v1::AppendBatchResponse& answer);
-};
-
-void Shared::TakeAnswer(const v1::AppendBatchResponse& answer) {
-  progress.last_durable_number =
-      std::max(progress.last_durable_number, answer.last_durable_number());
-  if (answer.has_map_from_odom() && answer.revision() >= progress.revision) {
-    progress.map_from_odom = answer.map_from_odom();
-    progress.revision = answer.revision();
-  }
-  progress.refused_count += static_cast<std::uint64_t>(answer.refused_size());
-  for (const v1::RefusedObservation& refused : answer.refused()) {
-    if (refusals.size() < kRefusalsKeptMax) {
-      refusals.push_back({refused.number(), refused.reason()});
-    }
-  }
-}
-
-void Shared::OnAnswer(std::uint64_t first_number, const StatusOr<v1::AppendBatchResponse>& answer) {
-  {
-    const std::lock_guard lock(mutex);
-    const auto batch = std::find_if(batches.begin(), batches.end(), [&](const Batch& one) {
-      return one.request.first_number() == first_number;
-    });
-    --in_flight;
-    batch->in_flight = false;
-    batch->answered = true;
-    batch->status = answer.status();
-    if (answer.ok()) {
-      TakeAnswer(*answer);
-      if (progress.last_durable_number < batch->last_number) {
-        batch->status = InternalError("the server answered a batch without making it durable");
-      }
-    }
-    DropDurable();
-  }
-  changed.notify_all();
-}
-
 }  // namespace
 
 class MappingSession::Impl {
@@ -158,7 +84,7 @@ class MappingSession::Impl {
 
   const std::shared_ptr<Channel> channel_;
   const MappingSessionOptions options_;
-  const std::shared_ptr<Shared> shared_ = std::make_shared<Shared>();
+  const std::shared_ptr<SessionBacklog> backlog_ = std::make_shared<SessionBacklog>();
   std::thread thread_;
 
   // Of the thread: the present series of failures without progress.
@@ -171,10 +97,10 @@ class MappingSession::Impl {
 
 MappingSession::Impl::~Impl() {
   {
-    const std::lock_guard lock(shared_->mutex);
-    shared_->stopping = true;
+    const std::lock_guard lock(backlog_->mutex);
+    backlog_->stopping = true;
   }
-  shared_->changed.notify_all();
+  backlog_->changed.notify_all();
   if (thread_.joinable()) {
     thread_.join();
   }
@@ -188,8 +114,8 @@ void MappingSession::Impl::Report(const Status& status) const {
 
 // Not OK when the session ends meanwhile.
 Status MappingSession::Impl::Wait(milliseconds duration) {
-  std::unique_lock lock(shared_->mutex);
-  if (shared_->changed.wait_for(lock, duration, [this] { return shared_->stopping; })) {
+  std::unique_lock lock(backlog_->mutex);
+  if (backlog_->changed.wait_for(lock, duration, [this] { return backlog_->stopping; })) {
     return CancelledError("the session object was destroyed");
   }
   return {};
@@ -214,10 +140,10 @@ Status MappingSession::Impl::Open() {
     const StatusOr<v1::SessionState> state =
         channel_->Call<v1::SessionState>(kOpenSession, request, attempt);
     if (state.ok()) {
-      shared_->progress.last_durable_number = state->last_durable_number();
-      shared_->progress.last_appended_number = state->last_durable_number();
-      shared_->progress.map_from_odom = state->map_from_odom();
-      shared_->progress.revision = state->revision();
+      backlog_->progress.last_durable_number = state->last_durable_number();
+      backlog_->progress.last_appended_number = state->last_durable_number();
+      backlog_->progress.map_from_odom = state->map_from_odom();
+      backlog_->progress.revision = state->revision();
       break;
     }
     if (!MayPass(state.status()) || GivesUp(since)) {
@@ -232,41 +158,42 @@ Status MappingSession::Impl::Open() {
 }
 
 std::uint64_t MappingSession::Impl::next_number() const {
-  const std::lock_guard lock(shared_->mutex);
-  return shared_->progress.last_appended_number + 1;
+  const std::lock_guard lock(backlog_->mutex);
+  return backlog_->progress.last_appended_number + 1;
 }
 
 Status MappingSession::Impl::Append(v1::Observation observation) {
   const std::size_t size = observation.ByteSizeLong();
   {
-    std::unique_lock lock(shared_->mutex);
-    shared_->changed.wait(lock, [this] {
-      return !shared_->failure.ok() || (shared_->waiting.size() < options_.batch_observations_max &&
-                                        shared_->waiting_bytes < options_.batch_bytes_max);
+    std::unique_lock lock(backlog_->mutex);
+    backlog_->changed.wait(lock, [this] {
+      return !backlog_->failure.ok() ||
+             (backlog_->waiting.size() < options_.batch_observations_max &&
+              backlog_->waiting_bytes < options_.batch_bytes_max);
     });
-    if (!shared_->failure.ok()) {
-      return shared_->failure;
+    if (!backlog_->failure.ok()) {
+      return backlog_->failure;
     }
-    if (shared_->waiting.empty()) {
-      shared_->waiting_since = Now();
+    if (backlog_->waiting.empty()) {
+      backlog_->waiting_since = Now();
     }
-    shared_->waiting.push_back(std::move(observation));
-    shared_->waiting_bytes += size;
-    ++shared_->progress.last_appended_number;
+    backlog_->waiting.push_back(std::move(observation));
+    backlog_->waiting_bytes += size;
+    ++backlog_->progress.last_appended_number;
   }
-  shared_->changed.notify_all();
+  backlog_->changed.notify_all();
   return {};
 }
 
 Status MappingSession::Impl::Flush() {
-  std::unique_lock lock(shared_->mutex);
-  shared_->flushing = true;
-  shared_->changed.notify_all();
-  shared_->changed.wait(lock, [this] {
-    return !shared_->failure.ok() || (shared_->waiting.empty() && shared_->batches.empty());
+  std::unique_lock lock(backlog_->mutex);
+  backlog_->flushing = true;
+  backlog_->changed.notify_all();
+  backlog_->changed.wait(lock, [this] {
+    return !backlog_->failure.ok() || (backlog_->waiting.empty() && backlog_->batches.empty());
   });
-  shared_->flushing = false;
-  return shared_->failure;
+  backlog_->flushing = false;
+  return backlog_->failure;
 }
 
 StatusOr<v1::SessionState> MappingSession::Impl::Close() {
@@ -299,8 +226,8 @@ StatusOr<v1::SessionState> MappingSession::Impl::Close() {
     }
     Report(state.status());
     {
-      const std::lock_guard lock(shared_->mutex);
-      ++shared_->progress.interruptions;
+      const std::lock_guard lock(backlog_->mutex);
+      ++backlog_->progress.interruptions;
     }
     LOCI_RETURN_IF_ERROR(Wait(backoff));
     backoff = std::min(backoff * 2, kBackoffMax);
@@ -308,40 +235,40 @@ StatusOr<v1::SessionState> MappingSession::Impl::Close() {
 }
 
 MappingProgress MappingSession::Impl::progress() const {
-  const std::lock_guard lock(shared_->mutex);
-  return shared_->progress;
+  const std::lock_guard lock(backlog_->mutex);
+  return backlog_->progress;
 }
 
 std::vector<Refusal> MappingSession::Impl::TakeRefusals() {
-  const std::lock_guard lock(shared_->mutex);
-  return std::exchange(shared_->refusals, {});
+  const std::lock_guard lock(backlog_->mutex);
+  return std::exchange(backlog_->refusals, {});
 }
 
 void MappingSession::Impl::Run() {
-  std::unique_lock lock(shared_->mutex);
-  while (!shared_->stopping && shared_->failure.ok()) {
+  std::unique_lock lock(backlog_->mutex);
+  while (!backlog_->stopping && backlog_->failure.ok()) {
     if (FirstFailed() != nullptr) {
-      if (shared_->in_flight == 0) {
+      if (backlog_->in_flight == 0) {
         Recover(lock);
       } else {
         // The others' answers tell which number is the first that is missing.
-        shared_->changed.wait(lock);
+        backlog_->changed.wait(lock);
       }
       continue;
     }
     if (SendNext(lock)) {
       continue;
     }
-    if (shared_->waiting.empty() || shared_->batches.size() >= options_.window_batches) {
-      shared_->changed.wait(lock);
+    if (backlog_->waiting.empty() || backlog_->batches.size() >= options_.window_batches) {
+      backlog_->changed.wait(lock);
     } else {
-      shared_->changed.wait_until(lock, shared_->waiting_since + options_.batch_delay);
+      backlog_->changed.wait_until(lock, backlog_->waiting_since + options_.batch_delay);
     }
   }
 }
 
 const Batch* MappingSession::Impl::FirstFailed() const {
-  for (const Batch& batch : shared_->batches) {
+  for (const Batch& batch : backlog_->batches) {
     if (batch.answered && !batch.status.ok()) {
       return &batch;
     }
@@ -350,39 +277,39 @@ const Batch* MappingSession::Impl::FirstFailed() const {
 }
 
 bool MappingSession::Impl::BatchIsDue() const {
-  const Shared& shared = *shared_;
-  return !shared.waiting.empty() && shared.batches.size() < options_.window_batches &&
-         (shared.flushing || shared.batches.empty() ||
-          shared.waiting.size() >= options_.batch_observations_max ||
-          shared.waiting_bytes >= options_.batch_bytes_max ||
-          Now() >= shared.waiting_since + options_.batch_delay);
+  const SessionBacklog& backlog = *backlog_;
+  return !backlog.waiting.empty() && backlog.batches.size() < options_.window_batches &&
+         (backlog.flushing || backlog.batches.empty() ||
+          backlog.waiting.size() >= options_.batch_observations_max ||
+          backlog.waiting_bytes >= options_.batch_bytes_max ||
+          Now() >= backlog.waiting_since + options_.batch_delay);
 }
 
 void MappingSession::Impl::MakeBatch() {
-  Shared& shared = *shared_;
+  SessionBacklog& backlog = *backlog_;
   Batch batch;
-  batch.last_number = shared.progress.last_appended_number;
+  batch.last_number = backlog.progress.last_appended_number;
   batch.request.set_map(options_.map);
   batch.request.set_session(options_.session);
-  batch.request.set_first_number(batch.last_number - shared.waiting.size() + 1);
-  for (v1::Observation& observation : shared.waiting) {
+  batch.request.set_first_number(batch.last_number - backlog.waiting.size() + 1);
+  for (v1::Observation& observation : backlog.waiting) {
     *batch.request.add_observations() = std::move(observation);
   }
-  shared.waiting.clear();
-  shared.waiting_bytes = 0;
-  shared.batches.push_back(std::move(batch));
-  shared.changed.notify_all();  // there is room for Append
+  backlog.waiting.clear();
+  backlog.waiting_bytes = 0;
+  backlog.batches.push_back(std::move(batch));
+  backlog.changed.notify_all();  // there is room for Append
 }
 
 // Sends the first batch that was not sent yet, or makes one if it is time. False: nothing to send.
 bool MappingSession::Impl::SendNext(std::unique_lock<std::mutex>& lock) {
   const auto unsent = [this] {
-    return std::find_if(shared_->batches.begin(), shared_->batches.end(), [](const Batch& batch) {
+    return std::find_if(backlog_->batches.begin(), backlog_->batches.end(), [](const Batch& batch) {
       return !batch.in_flight && !batch.answered;
     });
   };
   auto batch = unsent();
-  if (batch == shared_->batches.end()) {
+  if (batch == backlog_->batches.end()) {
     if (!BatchIsDue()) {
       return false;
     }
@@ -390,7 +317,7 @@ bool MappingSession::Impl::SendNext(std::unique_lock<std::mutex>& lock) {
     batch = unsent();
   }
   batch->in_flight = true;
-  ++shared_->in_flight;
+  ++backlog_->in_flight;
   const std::uint64_t first_number = batch->request.first_number();
   std::string body = batch->request.SerializeAsString();
   CallOptions options;
@@ -400,24 +327,24 @@ bool MappingSession::Impl::SendNext(std::unique_lock<std::mutex>& lock) {
       kAppendBatch,
       std::move(body),
       options,
-      [shared = shared_, first_number](const StatusOr<std::string>& bytes) {
+      [backlog = backlog_, first_number](const StatusOr<std::string>& bytes) {
         if (!bytes.ok()) {
-          shared->OnAnswer(first_number, bytes.status());
+          backlog->OnAnswer(first_number, bytes.status());
           return;
         }
         v1::AppendBatchResponse response;
-        shared->OnAnswer(first_number,
-                         response.ParseFromString(*bytes)
-                             ? StatusOr<v1::AppendBatchResponse>(std::move(response))
-                             : InternalError("the server's answer is no AppendBatchResponse"));
+        backlog->OnAnswer(first_number,
+                          response.ParseFromString(*bytes)
+                              ? StatusOr<v1::AppendBatchResponse>(std::move(response))
+                              : InternalError("the server's answer is no AppendBatchResponse"));
       });
   lock.lock();
   return true;
 }
 
 void MappingSession::Impl::Fail(const Status& status) {
-  shared_->failure = status;
-  shared_->changed.notify_all();
+  backlog_->failure = status;
+  backlog_->changed.notify_all();
 }
 
 // No batch is in flight and the first that failed says why: finds out what is durable, and sends
@@ -425,10 +352,10 @@ void MappingSession::Impl::Fail(const Status& status) {
 void MappingSession::Impl::Recover(std::unique_lock<std::mutex>& lock) {
   const Status cause = FirstFailed()->status;
   const bool gap = cause.code() == StatusCode::kFailedPrecondition;
-  if (!in_trouble_ || shared_->progress.last_durable_number > durable_at_trouble_) {
+  if (!in_trouble_ || backlog_->progress.last_durable_number > durable_at_trouble_) {
     in_trouble_ = true;
     trouble_since_ = Now();
-    durable_at_trouble_ = shared_->progress.last_durable_number;
+    durable_at_trouble_ = backlog_->progress.last_durable_number;
     gap_seen_ = false;
     backoff_ = kBackoffMin;
   }
@@ -437,7 +364,7 @@ void MappingSession::Impl::Recover(std::unique_lock<std::mutex>& lock) {
     return;
   }
   gap_seen_ = gap;
-  ++shared_->progress.interruptions;
+  ++backlog_->progress.interruptions;
   lock.unlock();
   Report(cause);
   v1::GetSessionRequest request;
@@ -458,12 +385,12 @@ void MappingSession::Impl::Recover(std::unique_lock<std::mutex>& lock) {
 }
 
 void MappingSession::Impl::Resume(const v1::SessionState& state, const Status& cause) {
-  Shared& shared = *shared_;
+  SessionBacklog& backlog = *backlog_;
   const std::uint64_t durable = state.last_durable_number();
-  if (durable < shared.progress.last_durable_number) {
+  if (durable < backlog.progress.last_durable_number) {
     Fail(DataLossError("session " + options_.session + ": the server has observations up to " +
                        std::to_string(durable) + ", but had acknowledged " +
-                       std::to_string(shared.progress.last_durable_number)));
+                       std::to_string(backlog.progress.last_durable_number)));
     return;
   }
   if (!state.open()) {
@@ -471,13 +398,13 @@ void MappingSession::Impl::Resume(const v1::SessionState& state, const Status& c
                                  " was closed by someone else: " + cause.message()));
     return;
   }
-  shared.progress.last_durable_number = durable;
-  for (Batch& batch : shared.batches) {
+  backlog.progress.last_durable_number = durable;
+  for (Batch& batch : backlog.batches) {
     batch.answered = false;
     batch.status = Status();
   }
-  shared.DropDurable();
-  shared.changed.notify_all();
+  backlog.DropDurable();
+  backlog.changed.notify_all();
 }
 
 MappingSession::MappingSession(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
