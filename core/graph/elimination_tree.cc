@@ -1,0 +1,457 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/graph/elimination_tree.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "core/base/check.h"
+#include "core/graph/dense_front.h"
+#include "core/graph/elimination_order.h"
+
+namespace loci {
+namespace {
+
+// Reordering parts only makes the order of the whole worse in time. When elimination takes this
+// many times what it took after the last order of the whole, there is a new one.
+constexpr double kGrowthMax = 2.0;
+
+}  // namespace
+
+std::uint32_t EliminationTree::AddVariable(int size) {
+  LOCI_CHECK(size > 0);
+  const auto variable = static_cast<std::uint32_t>(variables_.size());
+  variables_.emplace_back();
+  variables_.back().size = size;
+  variables_.back().offset = static_cast<std::uint32_t>(value_.size());
+  value_.resize(value_.size() + static_cast<std::size_t>(size), 0.0);
+  spread_.resize(value_.size(), 0.0);
+  moved_.push_back(0);
+  Touch(variable);
+  structure_changed_ = true;
+  return variable;
+}
+
+std::uint32_t EliminationTree::AddTerm(std::span<const std::uint32_t> variables) {
+  std::uint32_t size = 0;
+  for (const std::uint32_t variable : variables) {
+    size += static_cast<std::uint32_t>(variables_[variable].size);
+  }
+  std::uint32_t index = kNone;
+  for (std::size_t i = free_terms_.size(); i-- > 0 && index == kNone;) {
+    const Term& free = terms_[free_terms_[i]];
+    if (free.count == variables.size() && free.size == size) {
+      index = free_terms_[i];
+      free_terms_.erase(free_terms_.begin() + static_cast<std::ptrdiff_t>(i));
+    }
+  }
+  if (index == kNone) {
+    index = static_cast<std::uint32_t>(terms_.size());
+    Term term;
+    term.begin = static_cast<std::uint32_t>(term_variables_.size());
+    term.count = static_cast<std::uint32_t>(variables.size());
+    term.values = static_cast<std::uint32_t>(term_values_.size());
+    term.size = size;
+    term_variables_.resize(term_variables_.size() + variables.size());
+    term_values_.resize(term_values_.size() + std::size_t{size} * (size + 1));
+    terms_.push_back(term);
+  }
+  const Term& term = terms_[index];
+  std::copy(variables.begin(), variables.end(), term_variables_.begin() + term.begin);
+  std::fill_n(term_values_.begin() + term.values, std::size_t{size} * (size + 1), 0.0);
+  for (const std::uint32_t variable : variables) {
+    variables_[variable].terms.push_back(index);
+    Touch(variable);
+  }
+  structure_changed_ = true;
+  return index;
+}
+
+double* EliminationTree::SetTerm(std::uint32_t index) {
+  const Term& term = terms_[index];
+  for (const std::uint32_t variable : VariablesOf(term)) {
+    Touch(variable);
+  }
+  return &term_values_[term.values];
+}
+
+void EliminationTree::RemoveTerm(std::uint32_t index) {
+  for (const std::uint32_t variable : VariablesOf(terms_[index])) {
+    std::erase(variables_[variable].terms, index);
+    Touch(variable);
+  }
+  structure_changed_ = true;
+  free_terms_.push_back(index);
+}
+
+void EliminationTree::Touch(std::uint32_t variable) {
+  if (!variables_[variable].touched) {
+    variables_[variable].touched = true;
+    touched_.push_back(variable);
+  }
+}
+
+void EliminationTree::ResetValue(std::uint32_t variable) {
+  const Variable& v = variables_[variable];
+  std::fill_n(value_.begin() + v.offset, v.size, 0.0);
+  std::fill_n(spread_.begin() + v.offset, v.size, 0.0);
+}
+
+// All fronts that eliminate a touched variable, and all above them.
+void EliminationTree::FindAffected() {
+  affected_.clear();
+  for (const std::uint32_t variable : touched_) {
+    std::uint32_t front = variables_[variable].front;
+    while (front != kNone && !fronts_[front].affected) {
+      fronts_[front].affected = true;
+      affected_.push_back(front);
+      front = fronts_[front].parent;
+    }
+  }
+  std::sort(affected_.begin(), affected_.end(), [this](std::uint32_t a, std::uint32_t b) {
+    return fronts_[a].sequence < fronts_[b].sequence;
+  });
+}
+
+double EliminationTree::FlopsOf(const Front& front) {
+  return static_cast<double>(front.columns) * front.size * front.size;
+}
+
+bool EliminationTree::Eliminate(std::span<const std::uint32_t> last) {
+  eliminated_count_ = 0;
+  if (touched_.empty()) {
+    return true;
+  }
+  const bool is_bloated = structure_changed_ && flops_ > kGrowthMax * flops_in_one_order_;
+  for (std::uint32_t variable = 0; is_bloated && variable < variables_.size(); ++variable) {
+    Touch(variable);
+  }
+  FindAffected();
+  if (structure_changed_) {
+    Reorder(last);
+    flops_in_one_order_ = is_bloated ? flops_ : flops_in_one_order_;
+  }
+  for (const std::uint32_t variable : touched_) {
+    variables_[variable].touched = false;
+  }
+  touched_.clear();
+  structure_changed_ = false;
+  for (const std::uint32_t front : affected_) {
+    fronts_[front].affected = false;
+    if (!fronts_[front].fresh) {
+      fronts_[front].fresh = true;
+      fresh_.push_back(front);
+    }
+  }
+  bool determined = true;
+  for (const std::uint32_t front : affected_) {
+    eliminated_count_ += fronts_[front].eliminated;
+    determined = EliminateFront(front) && determined;
+  }
+  return determined;
+}
+
+std::uint32_t EliminationTree::NewFront() {
+  std::uint32_t index = 0;
+  if (free_fronts_.empty()) {
+    index = static_cast<std::uint32_t>(fronts_.size());
+    fronts_.emplace_back();
+  } else {
+    index = free_fronts_.back();
+    free_fronts_.pop_back();
+  }
+  Front& front = fronts_[index];
+  front.variables.clear();
+  front.children.clear();
+  front.parent = kNone;
+  front.size = 0;
+  front.sequence = ++sequence_;
+  front.affected = false;
+  front.fresh = false;
+  return index;
+}
+
+// Takes the affected fronts out, and puts new ones in their place for their variables and those
+// that have none yet.
+void EliminationTree::Reorder(std::span<const std::uint32_t> last) {
+  std::vector<std::uint32_t> orphans;  // fronts that lose their parents
+  const std::vector<std::uint32_t> open = OpenVariables(orphans);
+  const VariableGraph graph = GraphOfOpen(open, orphans);
+  std::vector<std::uint32_t> last_open;
+  for (const std::uint32_t variable : last) {
+    if (variables_[variable].front == kNone) {
+      last_open.push_back(variables_[variable].row);
+    }
+  }
+  const SymbolicTree tree = AnalyseElimination(graph, EliminationOrder(graph, last_open));
+
+  RemoveAffected();
+  for (const SymbolicFront& symbolic : tree.fronts) {
+    const std::uint32_t index = NewFront();
+    affected_.push_back(index);
+    Front& front = fronts_[index];
+    const auto add = [&](std::uint32_t i) {
+      front.variables.push_back(open[i]);
+      front.size += static_cast<std::uint32_t>(variables_[open[i]].size);
+    };
+    std::for_each(symbolic.columns.begin(), symbolic.columns.end(), add);
+    front.eliminated = static_cast<std::uint32_t>(symbolic.columns.size());
+    front.columns = front.size;
+    std::for_each(symbolic.rows.begin(), symbolic.rows.end(), add);
+    flops_ += FlopsOf(front);
+  }
+  for (std::size_t i = 0; i < tree.fronts.size(); ++i) {
+    if (tree.fronts[i].parent != kNone) {
+      SetParent(affected_[i], affected_[tree.fronts[i].parent]);
+    }
+  }
+  // What comes first of some variables, all of them open.
+  const auto first_of = [&](std::span<const std::uint32_t> variables) {
+    return *std::min_element(
+        variables.begin(), variables.end(), [&](std::uint32_t a, std::uint32_t b) {
+          return tree.position[variables_[a].row] < tree.position[variables_[b].row];
+        });
+  };
+  for (const std::uint32_t orphan : orphans) {
+    const std::span<const std::uint32_t> rows = RowsOf(fronts_[orphan]);
+    if (!rows.empty()) {
+      SetParent(orphan, affected_[tree.front_of[variables_[first_of(rows)].row]]);
+    }
+  }
+  for (const std::uint32_t variable : open) {
+    for (const std::uint32_t index : variables_[variable].terms) {
+      if (IsOpen(terms_[index])) {
+        terms_[index].first = first_of(VariablesOf(terms_[index]));
+      }
+    }
+  }
+  for (const std::uint32_t variable : open) {
+    variables_[variable].front = affected_[tree.front_of[variables_[variable].row]];
+  }
+}
+
+// The variables of the affected fronts, which they lose, and those that have no front, ascending;
+// each remembers its number among them in `row`.
+std::vector<std::uint32_t> EliminationTree::OpenVariables(std::vector<std::uint32_t>& orphans) {
+  std::vector<std::uint32_t> open;
+  for (const std::uint32_t variable : touched_) {
+    if (variables_[variable].front == kNone) {
+      open.push_back(variable);
+    }
+  }
+  for (const std::uint32_t index : affected_) {
+    const Front& front = fronts_[index];
+    open.insert(open.end(), front.variables.begin(), front.variables.begin() + front.eliminated);
+    for (const std::uint32_t child : front.children) {
+      if (!fronts_[child].affected) {
+        fronts_[child].parent = kNone;
+        orphans.push_back(child);
+      }
+    }
+  }
+  std::sort(open.begin(), open.end());
+  for (std::uint32_t i = 0; i < open.size(); ++i) {
+    variables_[open[i]].row = i;
+    variables_[open[i]].front = kNone;
+  }
+  return open;
+}
+
+// A term whose variables are not all open is in the Schur complement of an orphan.
+bool EliminationTree::IsOpen(const Term& term) const {
+  const std::span<const std::uint32_t> variables = VariablesOf(term);
+  return std::all_of(variables.begin(), variables.end(), [this](std::uint32_t variable) {
+    return variables_[variable].front == kNone;
+  });
+}
+
+VariableGraph EliminationTree::GraphOfOpen(std::span<const std::uint32_t> open,
+                                           std::span<const std::uint32_t> orphans) const {
+  VariableGraph graph;
+  graph.count = static_cast<std::uint32_t>(open.size());
+  for (std::uint32_t i = 0; i < graph.count; ++i) {
+    for (const std::uint32_t index : variables_[open[i]].terms) {
+      if (terms_[index].count < 2 || !IsOpen(terms_[index])) {
+        continue;
+      }
+      for (const std::uint32_t other : VariablesOf(terms_[index])) {
+        if (other > open[i]) {
+          graph.edges.emplace_back(i, variables_[other].row);
+        }
+      }
+    }
+  }
+  for (const std::uint32_t orphan : orphans) {
+    std::vector<std::uint32_t> clique;
+    for (const std::uint32_t variable : RowsOf(fronts_[orphan])) {
+      clique.push_back(variables_[variable].row);
+    }
+    if (clique.size() > 1) {
+      graph.cliques.push_back(std::move(clique));
+    }
+  }
+  return graph;
+}
+
+void EliminationTree::SetParent(std::uint32_t child, std::uint32_t parent) {
+  fronts_[child].parent = parent;
+  fronts_[parent].children.push_back(child);
+}
+
+void EliminationTree::RemoveAffected() {
+  for (const std::uint32_t index : affected_) {
+    Front& front = fronts_[index];
+    front.affected = false;
+    if (front.fresh) {
+      front.fresh = false;
+      std::erase(fresh_, index);
+    }
+    flops_ -= FlopsOf(front);
+    free_fronts_.push_back(index);
+  }
+  affected_.clear();
+}
+
+// Adds a matrix over some variables, with its right-hand side, to a front that has them all.
+void EliminationTree::Scatter(std::span<const std::uint32_t> variables,
+                              const double* values,
+                              std::ptrdiff_t stride,
+                              std::ptrdiff_t right_row,
+                              Front& front) {
+  runs_.clear();
+  std::ptrdiff_t source = 0;
+  for (const std::uint32_t variable : variables) {
+    const auto target = static_cast<std::ptrdiff_t>(variables_[variable].row);
+    const std::ptrdiff_t size = variables_[variable].size;
+    if (!runs_.empty() && runs_.back().target + runs_.back().count == target) {
+      runs_.back().count += size;
+    } else {
+      runs_.push_back({source, target, size});
+    }
+    source += size;
+  }
+  const std::ptrdiff_t front_stride = StrideOf(front.size);
+  for (std::size_t c = 0; c < runs_.size(); ++c) {
+    const Run& column_run = runs_[c];
+    for (std::ptrdiff_t j = 0; j < column_run.count; ++j) {
+      const double* from = values + (column_run.source + j) * stride;
+      double* to = front.values.data() + (column_run.target + j) * front_stride;
+      for (std::ptrdiff_t i = j; i < column_run.count; ++i) {
+        to[column_run.target + i] += from[column_run.source + i];
+      }
+      for (std::size_t r = c + 1; r < runs_.size(); ++r) {
+        const Run& row_run = runs_[r];
+        if (row_run.target > column_run.target) {
+          for (std::ptrdiff_t i = 0; i < row_run.count; ++i) {
+            to[row_run.target + i] += from[row_run.source + i];
+          }
+        } else {
+          double* mirrored = front.values.data() + row_run.target * front_stride +
+                             column_run.target + j;
+          for (std::ptrdiff_t i = 0; i < row_run.count; ++i) {
+            mirrored[i * front_stride] += from[row_run.source + i];
+          }
+        }
+      }
+      to[front.size] += from[right_row];
+    }
+  }
+}
+
+bool EliminationTree::EliminateFront(std::uint32_t index) {
+  Front& front = fronts_[index];
+  const std::ptrdiff_t stride_of = StrideOf(front.size);
+  front.values.resize(static_cast<std::size_t>(stride_of) * front.size);
+  for (std::ptrdiff_t j = 0; j < static_cast<std::ptrdiff_t>(front.size); ++j) {
+    const std::ptrdiff_t begin = std::max<std::ptrdiff_t>(0, (j & ~std::ptrdiff_t{3}) - 4);
+    std::fill_n(front.values.data() + j * stride_of + begin, stride_of - begin, 0.0);
+  }
+  std::uint32_t row = 0;
+  for (const std::uint32_t variable : front.variables) {
+    variables_[variable].row = row;
+    row += static_cast<std::uint32_t>(variables_[variable].size);
+  }
+  for (std::uint32_t i = 0; i < front.eliminated; ++i) {
+    const std::uint32_t variable = front.variables[i];
+    for (const std::uint32_t t : variables_[variable].terms) {
+      const Term& term = terms_[t];
+      if (term.first == variable) {
+        Scatter(VariablesOf(term), &term_values_[term.values], term.size + 1, term.size, front);
+      }
+    }
+  }
+  for (const std::uint32_t c : front.children) {
+    const Front& child = fronts_[c];
+    const std::ptrdiff_t stride = StrideOf(child.size);
+    Scatter(std::span<const std::uint32_t>(child.variables).subspan(child.eliminated),
+            child.values.data() + child.columns * stride + child.columns,
+            stride,
+            static_cast<std::ptrdiff_t>(child.size - child.columns),
+            front);
+  }
+  return EliminateColumns(front.values.data(), front.size, front.columns);
+}
+
+bool EliminationTree::SolveFront(Front& front, double change_min) {
+  x_.resize(front.size + 4);
+  std::size_t row = front.columns;
+  for (std::size_t i = front.eliminated; i < front.variables.size(); ++i) {
+    const Variable& variable = variables_[front.variables[i]];
+    std::copy_n(&value_[variable.offset], variable.size, &x_[row]);
+    row += static_cast<std::size_t>(variable.size);
+  }
+  SolveColumns(front.values.data(), front.size, front.columns, x_.data());
+  row = 0;
+  bool any = false;
+  for (std::uint32_t i = 0; i < front.eliminated; ++i) {
+    const Variable& variable = variables_[front.variables[i]];
+    double change = 0.0;
+    for (int k = 0; k < variable.size; ++k, ++row) {
+      value_[variable.offset + static_cast<std::uint32_t>(k)] = x_[row];
+      change = std::max(change,
+                        std::abs(x_[row] - spread_[variable.offset + static_cast<std::uint32_t>(k)]));
+    }
+    if (change > change_min) {
+      std::copy_n(&value_[variable.offset], variable.size, &spread_[variable.offset]);
+      moved_[front.variables[i]] = round_;
+      any = true;
+    }
+  }
+  return any;
+}
+
+void EliminationTree::Solve(double change_min, std::vector<std::uint32_t>& solved) {
+  ++round_;
+  // Top fronts first; what is solved puts its children on the stack.
+  std::vector<std::uint32_t> stack;
+  for (const std::uint32_t index : fresh_) {
+    const std::uint32_t parent = fronts_[index].parent;
+    if (parent == kNone || !fronts_[parent].fresh) {
+      stack.push_back(index);
+    }
+  }
+  while (!stack.empty()) {
+    const std::uint32_t index = stack.back();
+    stack.pop_back();
+    Front& front = fronts_[index];
+    bool due = front.fresh;
+    for (std::size_t i = front.eliminated; i < front.variables.size() && !due; ++i) {
+      due = moved_[front.variables[i]] == round_;
+    }
+    if (!due) {
+      continue;
+    }
+    SolveFront(front, change_min);
+    solved.insert(
+        solved.end(), front.variables.begin(), front.variables.begin() + front.eliminated);
+    for (const std::uint32_t child : front.children) {
+      stack.push_back(child);
+    }
+  }
+  for (const std::uint32_t index : fresh_) {
+    fronts_[index].fresh = false;
+  }
+  fresh_.clear();
+}
+
+}  // namespace loci

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// A sparse least squares problem that grows and changes, and is solved again at the cost of what
+// changed.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/graph/elimination_order.h"
+
+namespace loci {
+
+// Minimises the sum of quadratic terms 1/2 x^T H x - b^T x over small groups of variables, by a
+// multifrontal Cholesky factorisation whose fronts are kept. What Kaess et al. (iSAM2, IJRR 2012)
+// do with a Bayes tree: a term concerns the front that eliminates the first of its variables, and
+// the fronts above that one up to the root. Only these are eliminated again, in a new order;
+// the Schur complements of all below them stand. No search for a global order, and no batch step.
+//
+// The same calls give the same bits. Not thread-safe.
+class EliminationTree {
+ public:
+  static constexpr std::uint32_t kNone = 0xFFFFFFFFU;
+
+  // A variable of `size` numbers, at 0. Named by their count.
+  std::uint32_t AddVariable(int size);
+  // A term over these variables, no two of them equal; all zero until it is set.
+  std::uint32_t AddTerm(std::span<const std::uint32_t> variables);
+  // The term's numbers, to be written: column by column the lower triangle of H (size n, all the
+  // variables of the term in turn) and b in row n; n + 1 numbers a column. Valid until the next
+  // AddTerm.
+  double* SetTerm(std::uint32_t term);
+  // The term is gone; its number may be given to another. It must be there.
+  void RemoveTerm(std::uint32_t term);
+
+  // Brings the factorisation up to date. Variables of `last`, as far as they are concerned, are
+  // eliminated after the others: what is likely to change next is cheap then. False, and the
+  // factorisation stays open, if the terms do not determine every variable.
+  bool Eliminate(std::span<const std::uint32_t> last);
+
+  // Solves for what changed: a front is solved again if it was eliminated again, or if a variable
+  // above it has moved by more than `change_min` since. Appends all variables that were solved.
+  void Solve(double change_min, std::vector<std::uint32_t>& solved);
+
+  // Value of a variable, as of the last Solve.
+  const double* Value(std::uint32_t variable) const { return &value_[variables_[variable].offset]; }
+  // The caller has set all terms of this variable anew, about its value: it is 0 now.
+  void ResetValue(std::uint32_t variable);
+
+  std::size_t variable_count() const { return variables_.size(); }
+  // Of the last Eliminate.
+  std::size_t eliminated_count() const { return eliminated_count_; }
+
+ private:
+  struct Variable {
+    int size = 0;
+    std::uint32_t offset = 0;     // into value_
+    std::uint32_t front = kNone;  // that eliminates it
+    std::uint32_t row = 0;        // its first row in the front at hand
+    bool touched = false;
+    std::vector<std::uint32_t> terms;
+  };
+  struct Term {
+    std::uint32_t begin = 0;  // into term_variables_
+    std::uint32_t count = 0;
+    std::uint32_t values = 0;      // into term_values_
+    std::uint32_t size = 0;        // scalars
+    std::uint32_t first = kNone;   // the variable that is eliminated first
+  };
+  struct Front {
+    std::vector<std::uint32_t> variables;  // those that it eliminates, then the rest
+    std::uint32_t eliminated = 0;          // variables that it eliminates
+    std::uint32_t columns = 0;             // scalars of those
+    std::uint32_t size = 0;                // scalars of all
+    std::uint32_t parent = kNone;
+    std::vector<std::uint32_t> children;
+    std::vector<double> values;  // see dense_front.h
+    std::uint64_t sequence = 0;  // children have a lower one than their parents
+    bool affected = false;
+    bool fresh = false;  // not solved since it was eliminated
+  };
+
+  std::span<const std::uint32_t> VariablesOf(const Term& term) const {
+    return {&term_variables_[term.begin], term.count};
+  }
+  void Touch(std::uint32_t variable);
+  static double FlopsOf(const Front& front);
+  std::span<const std::uint32_t> RowsOf(const Front& front) const {
+    return std::span(front.variables).subspan(front.eliminated);
+  }
+  bool IsOpen(const Term& term) const;
+  void SetParent(std::uint32_t child, std::uint32_t parent);
+  void FindAffected();
+  void Reorder(std::span<const std::uint32_t> last);
+  std::vector<std::uint32_t> OpenVariables(std::vector<std::uint32_t>& orphans);
+  VariableGraph GraphOfOpen(std::span<const std::uint32_t> open,
+                            std::span<const std::uint32_t> orphans) const;
+  void RemoveAffected();
+  std::uint32_t NewFront();
+  bool EliminateFront(std::uint32_t front);
+  void Scatter(std::span<const std::uint32_t> variables,
+               const double* values,
+               std::ptrdiff_t stride,
+               std::ptrdiff_t right_row,
+               Front& front);
+  bool SolveFront(Front& front, double change_min);
+
+  std::vector<Variable> variables_;
+  std::vector<Term> terms_;
+  std::vector<std::uint32_t> term_variables_;
+  std::vector<double> term_values_;
+  std::vector<std::uint32_t> free_terms_;
+  std::vector<Front> fronts_;
+  std::vector<std::uint32_t> free_fronts_;
+  std::uint64_t sequence_ = 0;
+  double flops_ = 0.0;               // of one elimination of all, about
+  double flops_in_one_order_ = 0.0;  // of that when all was ordered at once
+  std::vector<double> value_;
+  std::vector<double> spread_;  // the value with which the fronts below were solved
+  std::vector<std::uint64_t> moved_;  // per variable: the round in which it moved
+  std::uint64_t round_ = 0;
+
+  std::vector<std::uint32_t> touched_;      // variables
+  bool structure_changed_ = false;
+  std::vector<std::uint32_t> affected_;     // fronts, children first
+  std::vector<std::uint32_t> fresh_;        // fronts
+  std::size_t eliminated_count_ = 0;
+  struct Run {
+    std::ptrdiff_t source = 0;
+    std::ptrdiff_t target = 0;
+    std::ptrdiff_t count = 0;
+  };
+  std::vector<Run> runs_;
+  std::vector<double> x_;
+};
+
+}  // namespace loci
