@@ -64,7 +64,7 @@ constexpr std::ptrdiff_t kPanelColumns = 16;
 
 // Columns [j, j + 4) less what the panel [first, last) says, from row `begin` on, which is a
 // multiple of four; kVectors of rows at a time.
-template <int kVectors>
+template <std::size_t kVectors>
 [[gnu::always_inline]] inline std::ptrdiff_t UpdateFour(double* front,
                                                         std::ptrdiff_t stride,
                                                         std::ptrdiff_t first,
@@ -72,26 +72,26 @@ template <int kVectors>
                                                         std::ptrdiff_t j,
                                                         std::ptrdiff_t begin,
                                                         std::ptrdiff_t rows) {
-  constexpr std::ptrdiff_t kRows = 4 * kVectors;
+  constexpr std::ptrdiff_t kRows = 4 * static_cast<std::ptrdiff_t>(kVectors);
   std::ptrdiff_t i = begin;
-  for (; i + 4 * (kVectors - 1) < rows; i += kRows) {
+  for (; i + kRows - 4 < rows; i += kRows) {
     Vector4 sum[kVectors][4] = {};
     for (std::ptrdiff_t k = first; k < last; ++k) {
       const double* column = front + k * stride;
       Vector4 x[kVectors];
-      for (int v = 0; v < kVectors; ++v) {
+      for (std::size_t v = 0; v < kVectors; ++v) {
         Load(column + i + 4 * v, x[v]);
       }
-      for (int c = 0; c < 4; ++c) {
-        const double w = column[j + c];
-        for (int v = 0; v < kVectors; ++v) {
+      for (std::size_t c = 0; c < 4; ++c) {
+        const double w = column[j + static_cast<std::ptrdiff_t>(c)];
+        for (std::size_t v = 0; v < kVectors; ++v) {
           sum[v][c] += w * x[v];
         }
       }
     }
-    for (int c = 0; c < 4; ++c) {
-      double* target = front + (j + c) * stride + i;
-      for (int v = 0; v < kVectors; ++v) {
+    for (std::size_t c = 0; c < 4; ++c) {
+      double* target = front + (j + static_cast<std::ptrdiff_t>(c)) * stride + i;
+      for (std::size_t v = 0; v < kVectors; ++v) {
         Vector4 y;
         Load(target + 4 * v, y);
         y -= sum[v][c];
@@ -122,7 +122,7 @@ template <int kVectors>
   }
 }
 
-template <int kVectors>
+template <std::size_t kVectors>
 [[gnu::always_inline]] inline bool Eliminate(double* front,
                                              std::ptrdiff_t size,
                                              std::ptrdiff_t columns) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "core/base/check.h"
@@ -75,6 +76,17 @@ double* EliminationTree::SetTerm(std::uint32_t index) {
   return &term_values_[term.values];
 }
 
+void EliminationTree::ClearTerms() {
+  std::fill(term_values_.begin(), term_values_.end(), 0.0);
+  TouchAll();
+}
+
+void EliminationTree::TouchAll() {
+  for (std::uint32_t variable = 0; variable < variables_.size(); ++variable) {
+    Touch(variable);
+  }
+}
+
 void EliminationTree::RemoveTerm(std::uint32_t index) {
   for (const std::uint32_t variable : VariablesOf(terms_[index])) {
     std::erase(variables_[variable].terms, index);
@@ -123,8 +135,8 @@ bool EliminationTree::Eliminate(std::span<const std::uint32_t> last) {
     return true;
   }
   const bool is_bloated = structure_changed_ && flops_ > kGrowthMax * flops_in_one_order_;
-  for (std::uint32_t variable = 0; is_bloated && variable < variables_.size(); ++variable) {
-    Touch(variable);
+  if (is_bloated) {
+    TouchAll();
   }
   FindAffected();
   if (structure_changed_) {
@@ -452,6 +464,77 @@ void EliminationTree::Solve(double change_min, std::vector<std::uint32_t>& solve
     fronts_[index].fresh = false;
   }
   fresh_.clear();
+}
+
+// The fronts from that of a variable up to the root.
+std::vector<std::uint32_t> EliminationTree::PathOf(std::uint32_t variable) const {
+  std::vector<std::uint32_t> path;
+  for (std::uint32_t front = variables_[variable].front; front != kNone;
+       front = fronts_[front].parent) {
+    path.push_back(front);
+  }
+  return path;
+}
+
+// Solves H x = unit columns. Going up, only fronts above `column` see anything; going down, only
+// those above `row` are asked.
+Eigen::MatrixXd EliminationTree::InverseBlock(std::uint32_t row, std::uint32_t column) const {
+  using Factor = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
+  const auto factor_of = [](const Front& front) {
+    return Factor(front.values.data(),
+                  front.size,
+                  front.columns,
+                  Eigen::OuterStride<>(StrideOf(front.size)));
+  };
+  const Eigen::Index count = variables_[column].size;
+  std::map<std::uint32_t, Eigen::MatrixXd> x;  // per variable
+  const auto rows_of = [&](const Front& front) {
+    Eigen::MatrixXd rows(front.size, count);
+    Eigen::Index at = 0;
+    for (const std::uint32_t variable : front.variables) {
+      const auto found = x.find(variable);
+      const Eigen::Index size = variables_[variable].size;
+      if (found != x.end()) {
+        rows.middleRows(at, size) = found->second;
+      } else {
+        rows.middleRows(at, size).setZero();
+      }
+      at += size;
+    }
+    return rows;
+  };
+  const auto keep = [&](const Front& front, const Eigen::MatrixXd& rows, std::size_t end) {
+    Eigen::Index at = 0;
+    for (std::size_t i = 0; i < end; ++i) {
+      const Eigen::Index size = variables_[front.variables[i]].size;
+      x[front.variables[i]] = rows.middleRows(at, size);
+      at += size;
+    }
+  };
+  x[column] = Eigen::MatrixXd::Identity(count, count);
+  for (const std::uint32_t index : PathOf(column)) {
+    const Front& front = fronts_[index];
+    const Factor factor = factor_of(front);
+    Eigen::MatrixXd rows = rows_of(front);
+    const Eigen::Index columns = front.columns;
+    factor.topRows(columns).triangularView<Eigen::Lower>().solveInPlace(rows.topRows(columns));
+    rows.bottomRows(front.size - columns) -=
+        factor.bottomRows(front.size - columns) * rows.topRows(columns);
+    keep(front, rows, front.variables.size());
+  }
+  const std::vector<std::uint32_t> path = PathOf(row);
+  for (std::size_t i = path.size(); i-- > 0;) {
+    const Front& front = fronts_[path[i]];
+    const Factor factor = factor_of(front);
+    Eigen::MatrixXd rows = rows_of(front);
+    const Eigen::Index columns = front.columns;
+    rows.topRows(columns) -= factor.bottomRows(front.size - columns).transpose() *
+                             rows.bottomRows(front.size - columns);
+    factor.topRows(columns).triangularView<Eigen::Lower>().transpose().solveInPlace(
+        rows.topRows(columns));
+    keep(front, rows, front.eliminated);
+  }
+  return x[row];
 }
 
 }  // namespace loci

@@ -7,6 +7,8 @@
 #include <span>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "core/graph/elimination_order.h"
 
 namespace loci {
@@ -30,6 +32,13 @@ class EliminationTree {
   // variables of the term in turn) and b in row n; n + 1 numbers a column. Valid until the next
   // AddTerm.
   double* SetTerm(std::uint32_t term);
+  // The same, for those who set many, and say TouchAll afterwards.
+  double* TermValues(std::uint32_t term) { return &term_values_[terms_[term].values]; }
+  const double* TermValues(std::uint32_t term) const { return &term_values_[terms_[term].values]; }
+  // All terms are zero, until they are set.
+  void ClearTerms();
+  // All terms may have been set.
+  void TouchAll();
   // The term is gone; its number may be given to another. It must be there.
   void RemoveTerm(std::uint32_t term);
 
@@ -44,6 +53,9 @@ class EliminationTree {
 
   // Value of a variable, as of the last Solve.
   const double* Value(std::uint32_t variable) const { return &value_[variables_[variable].offset]; }
+  // A block of the inverse of H, rows of one variable and columns of another, after an Eliminate
+  // that succeeded. Costs the fronts above the two.
+  Eigen::MatrixXd InverseBlock(std::uint32_t row, std::uint32_t column) const;
   // The caller has set all terms of this variable anew, about its value: it is 0 now.
   void ResetValue(std::uint32_t variable);
 
@@ -104,6 +116,7 @@ class EliminationTree {
                std::ptrdiff_t right_row,
                Front& front);
   bool SolveFront(Front& front, double change_min);
+  std::vector<std::uint32_t> PathOf(std::uint32_t variable) const;
 
   std::vector<Variable> variables_;
   std::vector<Term> terms_;

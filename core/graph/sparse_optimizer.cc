@@ -36,43 +36,29 @@ struct GraphCovariance::Factor {
   Factor(const PoseGraph& present, const RobustKernel& kernel)
       : graph(present), problem(graph, kernel), equations(problem.BlockSizes(), problem.Pairs()) {}
 
-  // The blocks of the inverse in the columns of `node`, which must not be held; remembers the last.
-  const Eigen::MatrixXd& Columns(std::uint32_t node) {
-    if (columns_node != node) {
-      columns = equations.InverseColumns(problem.BlockOfNode(node));
-      columns_node = node;
-      diagonal.emplace(node, columns.middleRows<3>(equations.offset(problem.BlockOfNode(node))));
-    }
-    return columns;
-  }
-
   bool IsHeld(std::uint32_t node) const { return problem.BlockOfNode(node) == kHeldBlock; }
 
   Eigen::Matrix3d Diagonal(std::uint32_t node) {
     if (IsHeld(node)) {
       return Eigen::Matrix3d::Zero();
     }
-    auto found = diagonal.find(node);
-    if (found == diagonal.end()) {
-      const Eigen::MatrixXd node_columns = equations.InverseColumns(problem.BlockOfNode(node));
-      found = diagonal
-                  .emplace(node,
-                           node_columns.middleRows<3>(equations.offset(problem.BlockOfNode(node))))
-                  .first;
+    const auto [found, is_new] = diagonal.try_emplace(node);
+    if (is_new) {
+      const std::uint32_t block = problem.BlockOfNode(node);
+      found->second = equations.InverseBlock(block, block);
     }
     return found->second;
   }
 
   // Of a row and a column node. Always taken from the columns of the larger index: the two ways to
-  // the same block differ in the last bit, and an answer must not depend on what was asked before.
+  // the same block differ in the last bit.
   Eigen::Matrix3d Cross(std::uint32_t row, std::uint32_t column) {
     if (IsHeld(row) || IsHeld(column)) {
       return Eigen::Matrix3d::Zero();
     }
-    const std::uint32_t lower = std::min(row, column);
-    const Eigen::Matrix3d block =
-        Columns(std::max(row, column)).middleRows<3>(equations.offset(problem.BlockOfNode(lower)));
-    if (row == lower) {
+    const Eigen::Matrix3d block = equations.InverseBlock(
+        problem.BlockOfNode(std::min(row, column)), problem.BlockOfNode(std::max(row, column)));
+    if (row < column) {
       return block;
     }
     return block.transpose();
@@ -82,8 +68,6 @@ struct GraphCovariance::Factor {
   PlaneProblem problem;
   NormalEquations equations;
   std::map<std::uint32_t, Eigen::Matrix3d> diagonal;  // of the inverse, by node, as far as solved
-  std::uint32_t columns_node = kHeldBlock;
-  Eigen::MatrixXd columns;  // of the inverse, for columns_node
 };
 
 GraphCovariance::GraphCovariance(std::unique_ptr<Factor> factor) : factor_(std::move(factor)) {}

@@ -48,8 +48,8 @@ OptimizationSummary OptimizeSparse(PoseGraph& graph, const SparseOptions& option
 // Covariances of nodes, from the factor of the normal equations at the graph's present poses.
 //
 // Order (x, y, theta), right perturbation: map_from_node * Exp(xi). Held nodes have covariance 0.
-// Keeps no reference to the graph. Not thread-safe: it remembers what it has solved. Each new pair
-// costs two solves; pairs with the same `to` in a row cost one.
+// Keeps no reference to the graph. Not thread-safe: it remembers what it has solved. A pair costs
+// what stands above it in the elimination tree, not the size of the graph.
 class GraphCovariance {
  public:
   // kFailedPrecondition if the equations are singular: a node is not tied in all its directions.
