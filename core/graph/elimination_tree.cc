@@ -76,11 +76,6 @@ double* EliminationTree::SetTerm(std::uint32_t index) {
   return &term_values_[term.values];
 }
 
-void EliminationTree::ClearTerms() {
-  std::fill(term_values_.begin(), term_values_.end(), 0.0);
-  TouchAll();
-}
-
 void EliminationTree::TouchAll() {
   for (std::uint32_t variable = 0; variable < variables_.size(); ++variable) {
     Touch(variable);

@@ -35,8 +35,6 @@ class EliminationTree {
   // The same, for those who set many, and say TouchAll afterwards.
   double* TermValues(std::uint32_t term) { return &term_values_[terms_[term].values]; }
   const double* TermValues(std::uint32_t term) const { return &term_values_[terms_[term].values]; }
-  // All terms are zero, until they are set.
-  void ClearTerms();
   // All terms may have been set.
   void TouchAll();
   // The term is gone; its number may be given to another. It must be there.

@@ -36,7 +36,9 @@ NormalEquations::NormalEquations(const std::vector<int>& block_sizes,
 }
 
 void NormalEquations::Clear() {
-  tree_.ClearTerms();
+  for (std::uint32_t block = 0; block < block_sizes_.size(); ++block) {
+    std::fill_n(tree_.TermValues(own_term_[block]), block_sizes_[block] * (block_sizes_[block] + 1), 0.0);
+  }
   damping_.setZero();
 }
 

@@ -26,7 +26,7 @@ inline constexpr std::uint32_t kHeldBlock = 0xFFFFFFFFU;
 // depend on no BLAS (design.md, section 3).
 class NormalEquations {
  public:
-  // `pairs` in the order in which AddPair names them; they may be there more than once.
+  // `pairs` in the order in which SetPair names them; they may be there more than once.
   NormalEquations(const std::vector<int>& block_sizes, const std::vector<BlockPair>& pairs);
   NormalEquations(const NormalEquations&) = delete;
   NormalEquations& operator=(const NormalEquations&) = delete;
@@ -34,7 +34,7 @@ class NormalEquations {
   Eigen::Index size() const { return size_; }
   Eigen::Index offset(std::uint32_t block) const { return offset_[block]; }
 
-  // H = 0, g = 0.
+  // H = 0, g = 0, but for the pairs.
   void Clear();
 
   // Adds a symmetric matrix to the diagonal block of `block`.
@@ -56,19 +56,19 @@ class NormalEquations {
     }
   }
 
-  // Adds a symmetric matrix over both blocks of a pair, `row` before `column`, and what belongs to
-  // it of the gradient.
+  // Sets the symmetric matrix over both blocks of a pair, `row` before `column`, and what belongs
+  // to it of the gradient. After Clear, every pair must be set.
   template <int kSize>
-  void AddPair(std::size_t pair,
+  void SetPair(std::size_t pair,
                const Eigen::Matrix<double, kSize, kSize>& matrix,
                const Eigen::Matrix<double, kSize, 1>& vector) {
     double* values = tree_.TermValues(pair_term_[pair]);
     for (int column = 0; column < kSize; ++column) {
       double* to = values + column * (kSize + 1);
       for (int row = column; row < kSize; ++row) {
-        to[row] += matrix(row, column);
+        to[row] = matrix(row, column);
       }
-      to[kSize] -= vector(column);
+      to[kSize] = -vector(column);
     }
   }
 
@@ -116,7 +116,7 @@ void AddPair(const LinearisedPair<kError, kSizeA, kSizeB>& linearised,
     Eigen::Matrix<double, kError, kSizeA + kSizeB> jacobian;
     jacobian << linearised.jacobian_a, linearised.jacobian_b;
     const Eigen::Matrix<double, kSizeA + kSizeB, kError> weighted = jacobian.transpose() * weight;
-    equations.AddPair<kSizeA + kSizeB>(pair, weighted * jacobian, weighted * linearised.error);
+    equations.SetPair<kSizeA + kSizeB>(pair, weighted * jacobian, weighted * linearised.error);
     return;
   }
   const auto add = [&](const auto& jacobian, std::uint32_t block) {

@@ -21,26 +21,49 @@ Eigen::Vector2d Turned(const Eigen::Vector2d& v) {
   return {-v.y(), v.x()};
 }
 
-}  // namespace
+// e = Z^-1 A^-1 B, with M = A^-1 B the predicted pose of B in A.
+struct PoseError {
+  PoseError(const TurnedPose2& a, const TurnedPose2& b, const TurnedPose2& z) {
+    const double dx = b.x - a.x;
+    const double dy = b.y - a.y;
+    predicted = {a.cosine * dx + a.sine * dy, a.cosine * dy - a.sine * dx};
+    const double ex = predicted.x() - z.x;
+    const double ey = predicted.y() - z.y;
+    error = {z.cosine * ex + z.sine * ey,
+             z.cosine * ey - z.sine * ex,
+             WrapAngle(b.theta - a.theta - z.theta)};
+  }
 
-// With M = A^-1 B the predicted pose of B in A, and e = Z^-1 M:
+  Eigen::Vector2d predicted;  // M.t
+  Eigen::Vector3d error;
+};
+
 // B * D gives e * D, so that d e / d b = (R(e), 0; 0, 1).
 // A * D gives Z^-1 D^-1 M, so that d e / d a = -(R(z)^T, R(z)^T turned(M.t); 0, 1).
-LinearisedPair<3, 3, 3> Linearised(const PoseGraph& graph, const GraphConstraint& constraint) {
-  const Pose2 predicted =
-      Inverse(graph.map_from_node[constraint.from]) * graph.map_from_node[constraint.to];
-  const Pose2 error = Inverse(constraint.from_from_to) * predicted;
-  const Eigen::Matrix2d measured_inverse = InverseRotation(constraint.from_from_to.theta);
+LinearisedPair<3, 3, 3> Linearised(const TurnedPose2& a,
+                                   const TurnedPose2& b,
+                                   const TurnedPose2& z) {
+  const PoseError e(a, b, z);
+  // R(e) = R(z)^T R(a)^T R(b).
+  const double cosine_az = a.cosine * z.cosine - a.sine * z.sine;
+  const double sine_az = a.sine * z.cosine + a.cosine * z.sine;
+  const double cosine = cosine_az * b.cosine + sine_az * b.sine;
+  const double sine = cosine_az * b.sine - sine_az * b.cosine;
   LinearisedPair<3, 3, 3> result;
-  result.error = error.vector();
-  result.jacobian_a.setZero();
-  result.jacobian_a.topLeftCorner<2, 2>() = -measured_inverse;
-  result.jacobian_a.topRightCorner<2, 1>() = -(measured_inverse * Turned(predicted.translation()));
-  result.jacobian_a(2, 2) = -1.0;
-  result.jacobian_b.setZero();
-  result.jacobian_b.topLeftCorner<2, 2>() = InverseRotation(error.theta).transpose();
-  result.jacobian_b(2, 2) = 1.0;
+  result.error = e.error;
+  result.jacobian_a << -z.cosine, -z.sine,
+      z.cosine * e.predicted.y() - z.sine * e.predicted.x(), z.sine, -z.cosine,
+      -z.sine * e.predicted.y() - z.cosine * e.predicted.x(), 0.0, 0.0, -1.0;
+  result.jacobian_b << cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0;
   return result;
+}
+
+}  // namespace
+
+LinearisedPair<3, 3, 3> Linearised(const PoseGraph& graph, const GraphConstraint& constraint) {
+  return Linearised(TurnedPose2(graph.map_from_node[constraint.from]),
+                    TurnedPose2(graph.map_from_node[constraint.to]),
+                    TurnedPose2(constraint.from_from_to));
 }
 
 // With p the predicted point in A: A * D gives D^-1 p, so that d e / d a = -(I, turned(p)); the
@@ -65,6 +88,14 @@ PlaneProblem::PlaneProblem(PoseGraph& graph, const RobustKernel& kernel)
     if (!node_is_held) {
       block_sizes_.push_back(3);
     }
+  }
+  nodes_.reserve(graph.map_from_node.size());
+  for (const Pose2& node : graph.map_from_node) {
+    nodes_.emplace_back(node);
+  }
+  measurements_.reserve(graph.constraints.size());
+  for (const GraphConstraint& constraint : graph.constraints) {
+    measurements_.emplace_back(constraint.from_from_to);
   }
   std::vector<bool> seen(graph.points_in_map.size());
   for (const PointConstraint& constraint : graph.point_constraints) {
@@ -98,8 +129,11 @@ std::vector<BlockPair> PlaneProblem::Pairs() const {
 
 double PlaneProblem::Cost() const {
   double sum = 0.0;
-  for (const GraphConstraint& constraint : graph_->constraints) {
-    sum += Rho(Chi2Of(*graph_, constraint), constraint.robust);
+  for (std::size_t i = 0; i < graph_->constraints.size(); ++i) {
+    const GraphConstraint& constraint = graph_->constraints[i];
+    const Eigen::Vector3d error =
+        PoseError(nodes_[constraint.from], nodes_[constraint.to], measurements_[i]).error;
+    sum += Rho(error.dot(constraint.information * error), constraint.robust);
   }
   for (const PointConstraint& constraint : graph_->point_constraints) {
     sum += Rho(Chi2Of(*graph_, constraint), constraint.robust);
@@ -109,30 +143,49 @@ double PlaneProblem::Cost() const {
 
 void PlaneProblem::Linearise(NormalEquations& equations) const {
   std::size_t pair = 0;
-  const auto add = [&](const auto& constraint, std::uint32_t block_a, std::uint32_t block_b) {
-    const auto linearised = Linearised(*graph_, constraint);
-    const double chi2 = linearised.error.dot(constraint.information * linearised.error);
-    const auto weight = (Weight(chi2, constraint.robust) * constraint.information).eval();
-    AddPair(linearised, weight, block_a, block_b, pair, equations);
+  const auto add = [&](const auto& constraint,
+                       const auto& linearised,
+                       std::uint32_t block_a,
+                       std::uint32_t block_b) {
+    if (constraint.robust && kernel_.shape != RobustKernel::Shape::kNone) {
+      const double chi2 = linearised.error.dot(constraint.information * linearised.error);
+      const auto weight = (kernel_.Weight(chi2) * constraint.information).eval();
+      AddPair(linearised, weight, block_a, block_b, pair, equations);
+    } else {
+      AddPair(linearised, constraint.information, block_a, block_b, pair, equations);
+    }
     pair += block_a != kHeldBlock && block_b != kHeldBlock ? 1 : 0;
   };
-  for (const GraphConstraint& constraint : graph_->constraints) {
-    add(constraint, block_of_node_[constraint.from], block_of_node_[constraint.to]);
+  for (std::size_t i = 0; i < graph_->constraints.size(); ++i) {
+    const GraphConstraint& constraint = graph_->constraints[i];
+    add(constraint,
+        Linearised(nodes_[constraint.from], nodes_[constraint.to], measurements_[i]),
+        block_of_node_[constraint.from],
+        block_of_node_[constraint.to]);
   }
   for (const PointConstraint& constraint : graph_->point_constraints) {
-    add(constraint, block_of_node_[constraint.from], block_of_point_[constraint.point]);
+    add(constraint,
+        Linearised(*graph_, constraint),
+        block_of_node_[constraint.from],
+        block_of_point_[constraint.point]);
   }
 }
 
 void PlaneProblem::Move(const Eigen::VectorXd& step, const NormalEquations& equations) {
   nodes_before_ = graph_->map_from_node;
+  turned_before_ = nodes_;
   points_before_ = graph_->points_in_map;
   for (std::size_t i = 0; i < block_of_node_.size(); ++i) {
     if (block_of_node_[i] == kHeldBlock) {
       continue;
     }
     const Eigen::Vector3d xi = step.segment<3>(equations.offset(block_of_node_[i]));
-    graph_->map_from_node[i] = graph_->map_from_node[i] * Pose2{xi.x(), xi.y(), WrapAngle(xi.z())};
+    const TurnedPose2& node = nodes_[i];
+    const Pose2 moved{node.x + node.cosine * xi.x() - node.sine * xi.y(),
+                      node.y + node.sine * xi.x() + node.cosine * xi.y(),
+                      WrapAngle(node.theta + xi.z())};
+    graph_->map_from_node[i] = moved;
+    nodes_[i] = TurnedPose2(moved);
   }
   for (std::size_t i = 0; i < block_of_point_.size(); ++i) {
     if (block_of_point_[i] != kHeldBlock) {
@@ -143,6 +196,7 @@ void PlaneProblem::Move(const Eigen::VectorXd& step, const NormalEquations& equa
 
 void PlaneProblem::MoveBack() {
   graph_->map_from_node = nodes_before_;
+  nodes_ = turned_before_;
   graph_->points_in_map = points_before_;
 }
 

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 
+#include "core/geometry/se2.h"
 #include "core/graph/least_squares.h"
 #include "core/graph/pose_graph.h"
 #include "core/graph/robust_kernel.h"
@@ -17,6 +18,18 @@ namespace loci {
 // Exp(xi), and for a shift of the point in the map.
 LinearisedPair<3, 3, 3> Linearised(const PoseGraph& graph, const GraphConstraint& constraint);
 LinearisedPair<2, 3, 2> Linearised(const PoseGraph& graph, const PointConstraint& constraint);
+
+// A pose with its sine and cosine, which are dear.
+struct TurnedPose2 {
+  explicit TurnedPose2(const Pose2& pose)
+      : x(pose.x), y(pose.y), theta(pose.theta), cosine(Cos(pose.theta)), sine(Sin(pose.theta)) {}
+
+  double x;
+  double y;
+  double theta;
+  double cosine;
+  double sine;
+};
 
 // Blocks: free nodes in the order of their index, then points that have a constraint. Refers to a
 // graph that lives longer and keeps its constraints.
@@ -36,13 +49,15 @@ class PlaneProblem final : public LeastSquaresProblem {
 
  private:
   double Rho(double chi2, bool robust) const { return robust ? kernel_.Rho(chi2) : chi2; }
-  double Weight(double chi2, bool robust) const { return robust ? kernel_.Weight(chi2) : 1.0; }
 
   PoseGraph* graph_;
   RobustKernel kernel_;
   std::vector<int> block_sizes_;
   std::vector<std::uint32_t> block_of_node_;
   std::vector<std::uint32_t> block_of_point_;
+  std::vector<TurnedPose2> nodes_;         // where they are now
+  std::vector<TurnedPose2> measurements_;  // of the constraints
+  std::vector<TurnedPose2> turned_before_;
   std::vector<Pose2> nodes_before_;
   std::vector<Eigen::Vector2d> points_before_;
 };
