@@ -135,8 +135,8 @@ template <std::size_t kVectors>
     }
     std::ptrdiff_t j = last;
     for (; j + 4 <= size; j += 4) {
-      const std::ptrdiff_t rest = UpdateFour<kVectors>(
-          front, stride, first, last, j, j & ~std::ptrdiff_t{3}, rows);
+      const std::ptrdiff_t rest =
+          UpdateFour<kVectors>(front, stride, first, last, j, j & ~std::ptrdiff_t{3}, rows);
       if constexpr (kVectors > 1) {
         UpdateFour<1>(front, stride, first, last, j, rest, rows);
       }

@@ -25,7 +25,8 @@ class Lists {
     }
     numbers_.resize(begin_[count]);
     std::vector<std::uint32_t> end(begin_.begin(), begin_.end() - 1);
-    pairs([&](std::uint32_t variable, std::uint32_t number) { numbers_[end[variable]++] = number; });
+    pairs(
+        [&](std::uint32_t variable, std::uint32_t number) { numbers_[end[variable]++] = number; });
   }
   std::span<const std::uint32_t> Of(std::uint32_t variable) const {
     return std::span(numbers_).subspan(begin_[variable], begin_[variable + 1] - begin_[variable]);
@@ -97,8 +98,8 @@ Columns FindColumns(const VariableGraph& graph,
 
 // Entries of a front that eliminates so many columns.
 double EntryCount(std::size_t columns, std::size_t rows) {
-  return static_cast<double>(columns) * (0.5 * static_cast<double>(columns + 1) +
-                                         static_cast<double>(rows));
+  return static_cast<double>(columns) *
+         (0.5 * static_cast<double>(columns + 1) + static_cast<double>(rows));
 }
 
 // Larger fronts are faster a number, if not too many of the numbers are zeros that need not be
@@ -165,8 +166,7 @@ std::vector<std::uint32_t> EliminationOrder(const VariableGraph& graph,
   return order;
 }
 
-SymbolicTree AnalyseElimination(const VariableGraph& graph,
-                                std::span<const std::uint32_t> order) {
+SymbolicTree AnalyseElimination(const VariableGraph& graph, std::span<const std::uint32_t> order) {
   const auto count = static_cast<std::uint32_t>(order.size());
   SymbolicTree tree;
   tree.position.resize(count);
@@ -200,9 +200,8 @@ SymbolicTree AnalyseElimination(const VariableGraph& graph,
   std::vector<std::uint32_t> front_at(count, kNone);
   const auto variables_at = [&order](const std::vector<std::uint32_t>& places) {
     std::vector<std::uint32_t> variables(places.size());
-    std::transform(places.begin(), places.end(), variables.begin(), [&](std::uint32_t p) {
-      return order[p];
-    });
+    std::transform(
+        places.begin(), places.end(), variables.begin(), [&](std::uint32_t p) { return order[p]; });
     return variables;
   };
   for (std::uint32_t p = 0; p < count; ++p) {

@@ -24,8 +24,8 @@ std::vector<std::uint32_t> EliminationOrder(const VariableGraph& graph,
 
 // Variables that are eliminated together, and those later ones that this joins.
 struct SymbolicFront {
-  std::vector<std::uint32_t> columns;         // in the order of elimination
-  std::vector<std::uint32_t> rows;            // the same
+  std::vector<std::uint32_t> columns;  // in the order of elimination
+  std::vector<std::uint32_t> rows;     // the same
   std::uint32_t parent = 0xFFFFFFFFU;  // the front that eliminates the first of `rows`
 };
 
@@ -37,7 +37,6 @@ struct SymbolicTree {
 
 // Symbolic elimination in the given order. Variables whose columns are alike, or nearly, are
 // gathered into fronts.
-SymbolicTree AnalyseElimination(const VariableGraph& graph,
-                                std::span<const std::uint32_t> order);
+SymbolicTree AnalyseElimination(const VariableGraph& graph, std::span<const std::uint32_t> order);
 
 }  // namespace loci

@@ -25,6 +25,7 @@ std::uint32_t EliminationTree::AddVariable(int size) {
   variables_.emplace_back();
   variables_.back().size = size;
   variables_.back().offset = static_cast<std::uint32_t>(value_.size());
+  variables_.back().terms.reserve(4);
   value_.resize(value_.size() + static_cast<std::size_t>(size), 0.0);
   spread_.resize(value_.size(), 0.0);
   moved_.push_back(0);
@@ -153,7 +154,14 @@ bool EliminationTree::Eliminate(std::span<const std::uint32_t> last) {
   bool determined = true;
   for (const std::uint32_t front : affected_) {
     eliminated_count_ += fronts_[front].eliminated;
-    determined = EliminateFront(front) && determined;
+    determined = determined && EliminateFront(front);
+  }
+  if (!determined) {  // all of it is due again
+    for (const std::uint32_t front : affected_) {
+      for (std::uint32_t i = 0; i < fronts_[front].eliminated; ++i) {
+        Touch(fronts_[front].variables[i]);
+      }
+    }
   }
   return determined;
 }
@@ -353,8 +361,8 @@ void EliminationTree::Scatter(std::span<const std::uint32_t> variables,
             to[row_run.target + i] += from[row_run.source + i];
           }
         } else {
-          double* mirrored = front.values.data() + row_run.target * front_stride +
-                             column_run.target + j;
+          double* mirrored =
+              front.values.data() + row_run.target * front_stride + column_run.target + j;
           for (std::ptrdiff_t i = 0; i < row_run.count; ++i) {
             mirrored[i * front_stride] += from[row_run.source + i];
           }
@@ -415,8 +423,8 @@ bool EliminationTree::SolveFront(Front& front, double change_min) {
     double change = 0.0;
     for (int k = 0; k < variable.size; ++k, ++row) {
       value_[variable.offset + static_cast<std::uint32_t>(k)] = x_[row];
-      change = std::max(change,
-                        std::abs(x_[row] - spread_[variable.offset + static_cast<std::uint32_t>(k)]));
+      change = std::max(
+          change, std::abs(x_[row] - spread_[variable.offset + static_cast<std::uint32_t>(k)]));
     }
     if (change > change_min) {
       std::copy_n(&value_[variable.offset], variable.size, &spread_[variable.offset]);
@@ -476,10 +484,8 @@ std::vector<std::uint32_t> EliminationTree::PathOf(std::uint32_t variable) const
 Eigen::MatrixXd EliminationTree::InverseBlock(std::uint32_t row, std::uint32_t column) const {
   using Factor = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
   const auto factor_of = [](const Front& front) {
-    return Factor(front.values.data(),
-                  front.size,
-                  front.columns,
-                  Eigen::OuterStride<>(StrideOf(front.size)));
+    return Factor(
+        front.values.data(), front.size, front.columns, Eigen::OuterStride<>(StrideOf(front.size)));
   };
   const Eigen::Index count = variables_[column].size;
   std::map<std::uint32_t, Eigen::MatrixXd> x;  // per variable
@@ -523,8 +529,8 @@ Eigen::MatrixXd EliminationTree::InverseBlock(std::uint32_t row, std::uint32_t c
     const Factor factor = factor_of(front);
     Eigen::MatrixXd rows = rows_of(front);
     const Eigen::Index columns = front.columns;
-    rows.topRows(columns) -= factor.bottomRows(front.size - columns).transpose() *
-                             rows.bottomRows(front.size - columns);
+    rows.topRows(columns) -=
+        factor.bottomRows(front.size - columns).transpose() * rows.bottomRows(front.size - columns);
     factor.topRows(columns).triangularView<Eigen::Lower>().transpose().solveInPlace(
         rows.topRows(columns));
     keep(front, rows, front.eliminated);

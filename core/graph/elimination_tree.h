@@ -73,9 +73,9 @@ class EliminationTree {
   struct Term {
     std::uint32_t begin = 0;  // into term_variables_
     std::uint32_t count = 0;
-    std::uint32_t values = 0;      // into term_values_
-    std::uint32_t size = 0;        // scalars
-    std::uint32_t first = kNone;   // the variable that is eliminated first
+    std::uint32_t values = 0;     // into term_values_
+    std::uint32_t size = 0;       // scalars
+    std::uint32_t first = kNone;  // the variable that is eliminated first
   };
   struct Front {
     std::vector<std::uint32_t> variables;  // those that it eliminates, then the rest
@@ -127,14 +127,14 @@ class EliminationTree {
   double flops_ = 0.0;               // of one elimination of all, about
   double flops_in_one_order_ = 0.0;  // of that when all was ordered at once
   std::vector<double> value_;
-  std::vector<double> spread_;  // the value with which the fronts below were solved
+  std::vector<double> spread_;        // the value with which the fronts below were solved
   std::vector<std::uint64_t> moved_;  // per variable: the round in which it moved
   std::uint64_t round_ = 0;
 
-  std::vector<std::uint32_t> touched_;      // variables
+  std::vector<std::uint32_t> touched_;  // variables
   bool structure_changed_ = false;
-  std::vector<std::uint32_t> affected_;     // fronts, children first
-  std::vector<std::uint32_t> fresh_;        // fronts
+  std::vector<std::uint32_t> affected_;  // fronts, children first
+  std::vector<std::uint32_t> fresh_;     // fronts
   std::size_t eliminated_count_ = 0;
   struct Run {
     std::ptrdiff_t source = 0;

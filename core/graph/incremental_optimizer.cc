@@ -4,14 +4,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <set>
+#include <utility>
 
 #include "core/base/check.h"
 #include "core/graph/plane_problem.h"
 
 namespace loci {
 namespace {
-
-constexpr std::uint32_t kNone = EliminationTree::kNone;
 
 // Writes a pair's quadratic term: H = J^T W J, b = -J^T W e; a block that is held is left out.
 template <int kError, int kSizeA, int kSizeB>
@@ -40,13 +40,26 @@ void WriteTerm(const LinearisedPair<kError, kSizeA, kSizeB>& linearised,
 
 }  // namespace
 
+IncrementalOptions ExactOptions() {
+  IncrementalOptions options;
+  options.relinearise_m = 1e-9;
+  options.relinearise_rad = 1e-9;
+  options.iterations_max = 100;
+  options.step_min = 0.0;
+  return options;
+}
+
 IncrementalOptimizer::IncrementalOptimizer(const IncrementalOptions& options) : options_(options) {}
+
+std::uint32_t IncrementalOptimizer::AddVariable(int size, Owner owner) {
+  owners_.push_back(owner);
+  return tree_.AddVariable(size);
+}
 
 std::uint32_t IncrementalOptimizer::AddNode(const Pose2& map_from_node, bool fixed) {
   const auto index = static_cast<std::uint32_t>(nodes_.size());
   nodes_.emplace_back();
-  nodes_.back().linearised = map_from_node;
-  nodes_.back().fixed = fixed;
+  components_.push_back({index, index, fixed ? 1U : 0U});
   graph_.map_from_node.push_back(map_from_node);
   graph_.fixed.push_back(fixed);
   return index;
@@ -60,37 +73,254 @@ std::uint32_t IncrementalOptimizer::AddPoint(const Eigen::Vector2d& point_in_map
 }
 
 std::uint32_t IncrementalOptimizer::AddConstraint(const GraphConstraint& constraint) {
+  Join(constraint.from, constraint.to, &constraint.from_from_to);
   const auto index = static_cast<std::uint32_t>(graph_.constraints.size());
   graph_.constraints.push_back(constraint);
-  recent_.clear();
-  std::array<std::uint32_t, 2> variables{};
-  std::size_t count = 0;
+  removed_.push_back(false);
+  terms_.push_back(kNone);
+  nodes_[constraint.from].constraints.push_back(index);
+  nodes_[constraint.to].constraints.push_back(index);
+  MakeTerm(index);
+  recent_ = updated_ ? std::vector<std::uint32_t>() : std::move(recent_);
+  updated_ = false;
   for (const std::uint32_t node : {constraint.from, constraint.to}) {
-    if (node != 0 && nodes_[node].variable == kNone) {
-      nodes_[node].variable = tree_.AddVariable(3);
-      owners_.push_back({node, false});
-    }
-    nodes_[node].constraints.push_back(index);
-    if (nodes_[node].variable != kNone) {
-      variables[count++] = nodes_[node].variable;
+    if (!nodes_[node].held &&
+        std::find(recent_.begin(), recent_.end(), nodes_[node].variable) == recent_.end()) {
       recent_.push_back(nodes_[node].variable);
     }
   }
-  pose_terms_.push_back(tree_.AddTerm({variables.data(), count}));
-  SetPoseTerm(index);
   return index;
 }
 
-void IncrementalOptimizer::SetPoseTerm(std::uint32_t index) {
+std::uint32_t IncrementalOptimizer::AddConstraint(const PointConstraint& constraint) {
+  Point& point = points_[constraint.point];
+  if (point.variable == kNone) {
+    point.variable = AddVariable(2, {constraint.point, true});
+  } else if (!point.point_constraints.empty()) {
+    Join(graph_.point_constraints[point.point_constraints.front()].from, constraint.from, nullptr);
+  }
+  const auto index = static_cast<std::uint32_t>(graph_.point_constraints.size());
+  graph_.point_constraints.push_back(constraint);
+  point.point_constraints.push_back(index);
+  nodes_[constraint.from].point_constraints.push_back(index);
+  point_terms_.push_back(kNone);
+  MakePointTerm(index);
+  return index;
+}
+
+void IncrementalOptimizer::RemoveConstraint(std::uint32_t index) {
+  const GraphConstraint& constraint = graph_.constraints[index];
+  LOCI_CHECK(!removed_[index]);
+  removed_[index] = true;
+  std::erase(nodes_[constraint.from].constraints, index);
+  std::erase(nodes_[constraint.to].constraints, index);
+  if (terms_[index] != kNone) {
+    tree_.RemoveTerm(terms_[index]);
+    terms_[index] = kNone;
+  }
+  const std::vector<std::uint32_t> from_side = ConnectedTo(constraint.from);
+  if (!std::binary_search(from_side.begin(), from_side.end(), constraint.to)) {
+    Regroup(from_side);
+    Regroup(ConnectedTo(constraint.to));
+  }
+}
+
+std::uint32_t IncrementalOptimizer::FindRoot(std::uint32_t node) {
+  while (components_[node].parent != node) {
+    components_[node].parent = components_[components_[node].parent].parent;
+    node = components_[node].parent;
+  }
+  return node;
+}
+
+// Makes one component of the two that the ends of a new constraint belong to. The one that gives
+// way moves as a whole, if the constraint says where to.
+void IncrementalOptimizer::Join(std::uint32_t from, std::uint32_t to, const Pose2* from_from_to) {
+  const std::uint32_t root_of_from = FindRoot(from);
+  const std::uint32_t root_of_to = FindRoot(to);
+  if (root_of_from == root_of_to) {
+    return;
+  }
+  const Component& a = components_[root_of_from];
+  const Component& b = components_[root_of_to];
+  const bool from_stays = (a.fixed > 0) != (b.fixed > 0) ? a.fixed > 0 : a.lowest < b.lowest;
+  const std::uint32_t stays = from_stays ? root_of_from : root_of_to;
+  const std::uint32_t moves = from_stays ? root_of_to : root_of_from;
+  if (components_[moves].fixed == 0) {
+    if (from_from_to != nullptr) {
+      const std::uint32_t moved_end = from_stays ? to : from;
+      const Pose2 map_from_end = from_stays ? map_from_node(from) * *from_from_to
+                                            : map_from_node(to) * Inverse(*from_from_to);
+      MoveTogether(ConnectedTo(moved_end), map_from_end * Inverse(map_from_node(moved_end)));
+    }
+    Release(components_[moves].lowest);
+  }
+  components_[moves].parent = stays;
+  components_[stays].lowest = std::min(components_[stays].lowest, components_[moves].lowest);
+  components_[stays].fixed += components_[moves].fixed;
+}
+
+// All nodes of a component, ascending.
+std::vector<std::uint32_t> IncrementalOptimizer::ConnectedTo(std::uint32_t node) const {
+  std::vector<std::uint32_t> found{node};
+  std::set<std::uint32_t> seen{node};
+  std::set<std::uint32_t> points;
+  const auto reach = [&](std::uint32_t other) {
+    if (seen.insert(other).second) {
+      found.push_back(other);
+    }
+  };
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    for (const std::uint32_t index : nodes_[found[i]].constraints) {
+      reach(graph_.constraints[index].from);
+      reach(graph_.constraints[index].to);
+    }
+    for (const std::uint32_t index : nodes_[found[i]].point_constraints) {
+      const std::uint32_t point = graph_.point_constraints[index].point;
+      if (points.insert(point).second) {
+        for (const std::uint32_t other : points_[point].point_constraints) {
+          reach(graph_.point_constraints[other].from);
+        }
+      }
+    }
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+// Nodes that have become a component of their own.
+void IncrementalOptimizer::Regroup(const std::vector<std::uint32_t>& nodes) {
+  const std::uint32_t root = nodes.front();
+  std::uint32_t fixed = 0;
+  bool any_held = false;
+  for (const std::uint32_t node : nodes) {
+    components_[node].parent = root;
+    fixed += graph_.fixed[node] ? 1U : 0U;
+    any_held = any_held || nodes_[node].held;
+  }
+  components_[root] = {root, root, fixed};
+  if (!any_held) {
+    Hold(root);
+  }
+}
+
+// Terms between poses say the same wherever these are together; those with points do not.
+void IncrementalOptimizer::MoveTogether(const std::vector<std::uint32_t>& nodes,
+                                        const Pose2& map_from_old) {
+  std::set<std::uint32_t> points;
+  for (const std::uint32_t node : nodes) {
+    graph_.map_from_node[node] = map_from_old * graph_.map_from_node[node];
+    for (const std::uint32_t index : nodes_[node].point_constraints) {
+      points.insert(graph_.point_constraints[index].point);
+    }
+  }
+  for (const std::uint32_t point : points) {
+    Settle(points_[point].variable);
+    graph_.points_in_map[point] = map_from_old * graph_.points_in_map[point];
+    for (const std::uint32_t index : points_[point].point_constraints) {
+      SetPointTerm(index);
+    }
+  }
+}
+
+void IncrementalOptimizer::Hold(std::uint32_t index) {
+  Node& node = nodes_[index];
+  Settle(node.variable);
+  node.held = true;
+  RemakeTermsOf(index);
+  const std::array<std::uint32_t, 1> variable{node.variable};
+  node.parking_term = tree_.AddTerm(variable);
+  double* values = tree_.SetTerm(node.parking_term);
+  for (std::size_t i = 0; i < 3; ++i) {
+    values[4 * i + i] = 1.0;
+  }
+}
+
+void IncrementalOptimizer::Release(std::uint32_t index) {
+  Node& node = nodes_[index];
+  if (node.variable == kNone) {
+    node.variable = AddVariable(3, {index, false});
+  } else {
+    tree_.RemoveTerm(std::exchange(node.parking_term, kNone));
+  }
+  node.held = false;
+  RemakeTermsOf(index);
+}
+
+void IncrementalOptimizer::RemakeTermsOf(std::uint32_t node) {
+  for (const std::uint32_t index : nodes_[node].constraints) {
+    MakeTerm(index);
+  }
+  for (const std::uint32_t index : nodes_[node].point_constraints) {
+    MakePointTerm(index);
+  }
+}
+
+void IncrementalOptimizer::MakeTerm(std::uint32_t index) {
+  if (terms_[index] != kNone) {
+    tree_.RemoveTerm(std::exchange(terms_[index], kNone));
+  }
+  const GraphConstraint& constraint = graph_.constraints[index];
+  std::array<std::uint32_t, 2> variables{};
+  std::size_t count = 0;
+  for (const std::uint32_t node : {constraint.from, constraint.to}) {
+    if (!nodes_[node].held) {
+      variables[count++] = nodes_[node].variable;
+    }
+  }
+  if (count > 0) {
+    terms_[index] = tree_.AddTerm(std::span(variables).first(count));
+    SetTerm(index);
+  }
+}
+
+void IncrementalOptimizer::MakePointTerm(std::uint32_t index) {
+  if (point_terms_[index] != kNone) {
+    tree_.RemoveTerm(point_terms_[index]);
+  }
+  const PointConstraint& constraint = graph_.point_constraints[index];
+  const Node& node = nodes_[constraint.from];
+  const std::array<std::uint32_t, 2> variables{node.variable, points_[constraint.point].variable};
+  point_terms_[index] = tree_.AddTerm(std::span(variables).subspan(node.held ? 1 : 0));
+  SetPointTerm(index);
+}
+
+void IncrementalOptimizer::SetTerm(std::uint32_t index) {
+  if (terms_[index] == kNone) {
+    return;
+  }
   const GraphConstraint& constraint = graph_.constraints[index];
   const auto linearised = Linearised(graph_, constraint);
   const double chi2 = linearised.error.dot(constraint.information * linearised.error);
   const double weight = constraint.robust ? options_.kernel.Weight(chi2) : 1.0;
   WriteTerm<3, 3, 3>(linearised,
                      weight * constraint.information,
-                     nodes_[constraint.from].variable != kNone,
-                     nodes_[constraint.to].variable != kNone,
-                     tree_.SetTerm(pose_terms_[index]));
+                     !nodes_[constraint.from].held,
+                     !nodes_[constraint.to].held,
+                     tree_.SetTerm(terms_[index]));
+}
+
+void IncrementalOptimizer::SetPointTerm(std::uint32_t index) {
+  const PointConstraint& constraint = graph_.point_constraints[index];
+  const auto linearised = Linearised(graph_, constraint);
+  const double chi2 = linearised.error.dot(constraint.information * linearised.error);
+  const double weight = constraint.robust ? options_.kernel.Weight(chi2) : 1.0;
+  WriteTerm<2, 3, 2>(linearised,
+                     weight * constraint.information,
+                     !nodes_[constraint.from].held,
+                     true,
+                     tree_.SetTerm(point_terms_[index]));
+}
+
+// Linearisation at the present value, which is 0 from there. Its terms must be set after that.
+void IncrementalOptimizer::Settle(std::uint32_t variable) {
+  const Owner owner = owners_[variable];
+  if (owner.is_point) {
+    graph_.points_in_map[owner.index] = point_in_map(owner.index);
+  } else {
+    graph_.map_from_node[owner.index] = map_from_node(owner.index);
+  }
+  tree_.ResetValue(variable);
 }
 
 bool IncrementalOptimizer::HasMoved(std::uint32_t variable) const {
@@ -100,59 +330,88 @@ bool IncrementalOptimizer::HasMoved(std::uint32_t variable) const {
          (!owners_[variable].is_point && std::abs(value[2]) > options_.relinearise_rad);
 }
 
-void IncrementalOptimizer::Relinearise(const std::vector<std::uint32_t>& variables) {
+void IncrementalOptimizer::Relinearise(std::vector<std::uint32_t>& variables) {
+  std::sort(variables.begin(), variables.end());
   std::vector<std::uint32_t> constraints;
+  std::vector<std::uint32_t> point_constraints;
   for (const std::uint32_t variable : variables) {
+    Settle(variable);
     const Owner owner = owners_[variable];
-    graph_.map_from_node[owner.index] = map_from_node(owner.index);
-    tree_.ResetValue(variable);
-    const Node& node = nodes_[owner.index];
-    constraints.insert(constraints.end(), node.constraints.begin(), node.constraints.end());
+    const std::vector<std::uint32_t>& of_points = owner.is_point
+                                                      ? points_[owner.index].point_constraints
+                                                      : nodes_[owner.index].point_constraints;
+    point_constraints.insert(point_constraints.end(), of_points.begin(), of_points.end());
+    if (!owner.is_point) {
+      const std::vector<std::uint32_t>& of_poses = nodes_[owner.index].constraints;
+      constraints.insert(constraints.end(), of_poses.begin(), of_poses.end());
+    }
   }
-  std::sort(constraints.begin(), constraints.end());
-  constraints.erase(std::unique(constraints.begin(), constraints.end()), constraints.end());
-  for (const std::uint32_t constraint : constraints) {
-    SetPoseTerm(constraint);
-  }
+  const auto for_each_once = [](std::vector<std::uint32_t>& indices, const auto& set) {
+    std::sort(indices.begin(), indices.end());
+    indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
+    std::for_each(indices.begin(), indices.end(), set);
+  };
+  for_each_once(constraints, [this](std::uint32_t index) { SetTerm(index); });
+  for_each_once(point_constraints, [this](std::uint32_t index) { SetPointTerm(index); });
 }
 
 Pose2 IncrementalOptimizer::map_from_node(std::uint32_t node) const {
   const Pose2& linearised = graph_.map_from_node[node];
-  if (nodes_[node].variable == kNone) {
+  if (nodes_[node].held) {
     return linearised;
   }
   const double* xi = tree_.Value(nodes_[node].variable);
   return linearised * Pose2{xi[0], xi[1], WrapAngle(xi[2])};
 }
 
+Eigen::Vector2d IncrementalOptimizer::point_in_map(std::uint32_t point) const {
+  const Eigen::Vector2d& linearised = graph_.points_in_map[point];
+  if (points_[point].variable == kNone) {
+    return linearised;
+  }
+  const double* shift = tree_.Value(points_[point].variable);
+  return linearised + Eigen::Vector2d(shift[0], shift[1]);
+}
+
 UpdateSummary IncrementalOptimizer::Update() {
   UpdateSummary summary;
-  for (summary.iterations = 0; summary.iterations < options_.iterations_max;) {
+  updated_ = true;
+  std::vector<std::uint32_t> moved;
+  while (summary.iterations < options_.iterations_max) {
     if (!tree_.Eliminate(recent_)) {
       summary.determined = false;
       return summary;
     }
     ++summary.iterations;
     summary.eliminated += tree_.eliminated_count();
-    solved_.clear();
-    tree_.Solve(options_.step_min, solved_);
-    std::erase_if(solved_, [this](std::uint32_t variable) { return !HasMoved(variable); });
-    if (solved_.empty()) {
+    moved.clear();
+    tree_.Solve(options_.step_min, moved);
+    std::erase_if(moved, [this](std::uint32_t variable) { return !HasMoved(variable); });
+    if (moved.empty()) {
       summary.converged = true;
       break;
     }
-    std::sort(solved_.begin(), solved_.end());
-    summary.relinearised += solved_.size();
-    Relinearise(solved_);
+    summary.relinearised += moved.size();
+    Relinearise(moved);
   }
   return summary;
 }
 
 PoseGraph IncrementalOptimizer::Graph() const {
-  PoseGraph graph = graph_;
+  PoseGraph graph;
+  graph.fixed = graph_.fixed;
   for (std::uint32_t node = 0; node < nodes_.size(); ++node) {
-    graph.map_from_node[node] = map_from_node(node);
+    graph.map_from_node.push_back(map_from_node(node));
   }
+  for (std::uint32_t point = 0; point < points_.size(); ++point) {
+    graph.points_in_map.push_back(point_in_map(point));
+  }
+  for (std::size_t i = 0; i < graph_.constraints.size(); ++i) {
+    if (!removed_[i]) {
+      graph.constraints.push_back(graph_.constraints[i]);
+    }
+  }
+  graph.point_constraints = graph_.point_constraints;
   return graph;
 }
 

@@ -14,26 +14,33 @@ namespace loci {
 
 struct IncrementalOptions {
   // A node or point is linearised again once it is further than this from where it was.
-  double relinearise_m = 0.02;
-  double relinearise_rad = 0.01;
-  // Steps of Gauss-Newton in one Update, at most.
-  int iterations_max = 6;
+  double relinearise_m = 0.1;
+  double relinearise_rad = 0.05;
+  // Steps of Gauss-Newton in one Update, at most; what they leave is for the next one.
+  int iterations_max = 3;
   // A step is passed on to a node only if it moves what the node is tied to by more than this.
-  double step_min = 1e-5;
+  double step_min = 1e-3;
   RobustKernel kernel;  // for constraints marked robust
 };
 
+// As exact as the optimum of a batch: for tests, and before something is kept for ever.
+IncrementalOptions ExactOptions();
+
 struct UpdateSummary {
   int iterations = 0;
-  std::size_t eliminated = 0;  // nodes and points that were eliminated again, in all steps
-  std::size_t relinearised = 0;
-  bool converged = false;  // nothing is left to be linearised again
+  std::size_t eliminated = 0;    // nodes and points, in all steps
+  std::size_t relinearised = 0;  // the same
+  bool converged = false;        // nothing is left to be linearised again
   bool determined = true;  // false: something is not tied in all directions, and nothing has moved
 };
 
 // Gauss-Newton, incrementally (Kaess et al., iSAM2, IJRR 2012): only what a new constraint concerns
-// is linearised, eliminated and solved again. Holds the lowest node of each component that has no
-// fixed one. Deterministic. Errors, Jacobians and perturbations are those of PoseGraph.
+// is linearised, eliminated and solved again; a node that no loop reaches costs the same however
+// large the graph is. Errors, Jacobians and perturbations are those of PoseGraph. Deterministic.
+//
+// Holds the nodes that are fixed, and the lowest of each component that has none. A constraint that
+// joins two components moves the one with the higher lowest node as a whole, to where the
+// constraint says.
 class IncrementalOptimizer {
  public:
   explicit IncrementalOptimizer(const IncrementalOptions& options);
@@ -41,29 +48,40 @@ class IncrementalOptimizer {
   // Nodes and points are numbered from 0 as they come.
   std::uint32_t AddNode(const Pose2& map_from_node, bool fixed);
   std::uint32_t AddPoint(const Eigen::Vector2d& point_in_map);
-  // A constraint, which must be valid. Pose and point constraints are numbered apart, from 0.
+  // Constraints must be valid (ValidateGraph). Those of poses and of points are numbered apart,
+  // from 0 as they come; numbers are never used again.
   std::uint32_t AddConstraint(const GraphConstraint& constraint);
   std::uint32_t AddConstraint(const PointConstraint& constraint);
+  // As if it had never been there. It must be there.
+  void RemoveConstraint(std::uint32_t constraint);
 
   // Moves all to the optimum, or on the way to it.
   UpdateSummary Update();
 
-  // Where everything is now, with all constraints.
-  PoseGraph Graph() const;
   Pose2 map_from_node(std::uint32_t node) const;
+  Eigen::Vector2d point_in_map(std::uint32_t point) const;
+  // All nodes, points and constraints that are there, at where they are now.
+  PoseGraph Graph() const;
 
  private:
+  static constexpr std::uint32_t kNone = EliminationTree::kNone;
+
   struct Node {
-    Pose2 linearised;
-    std::uint32_t variable = EliminationTree::kNone;  // kNone: held
-    bool fixed = false;
+    std::uint32_t variable = kNone;      // kNone: never free so far
+    std::uint32_t parking_term = kNone;  // of a variable that is held again, to determine it
+    bool held = true;
     std::vector<std::uint32_t> constraints;
     std::vector<std::uint32_t> point_constraints;
   };
   struct Point {
-    Eigen::Vector2d linearised = Eigen::Vector2d::Zero();
-    std::uint32_t variable = EliminationTree::kNone;  // kNone: no constraint yet
+    std::uint32_t variable = kNone;  // kNone: no constraint yet
     std::vector<std::uint32_t> point_constraints;
+  };
+  // A set of nodes that constraints join, by a tree of its members (union-find).
+  struct Component {
+    std::uint32_t parent = 0;
+    std::uint32_t lowest = 0;  // of the root: the lowest node
+    std::uint32_t fixed = 0;   // of the root: how many are fixed
   };
   // What a variable of the tree is.
   struct Owner {
@@ -71,21 +89,35 @@ class IncrementalOptimizer {
     bool is_point = false;
   };
 
-  void SetPoseTerm(std::uint32_t constraint);
+  std::uint32_t AddVariable(int size, Owner owner);
+  std::uint32_t FindRoot(std::uint32_t node);
+  void Join(std::uint32_t from, std::uint32_t to, const Pose2* from_from_to);
+  std::vector<std::uint32_t> ConnectedTo(std::uint32_t node) const;
+  void Regroup(const std::vector<std::uint32_t>& nodes);
+  void MoveTogether(const std::vector<std::uint32_t>& nodes, const Pose2& map_from_old);
+  void Hold(std::uint32_t node);
+  void Release(std::uint32_t node);
+  void MakeTerm(std::uint32_t constraint);
+  void MakePointTerm(std::uint32_t constraint);
+  void SetTerm(std::uint32_t constraint);
   void SetPointTerm(std::uint32_t constraint);
+  void RemakeTermsOf(std::uint32_t node);
+  void Settle(std::uint32_t variable);
   bool HasMoved(std::uint32_t variable) const;
-  void Relinearise(const std::vector<std::uint32_t>& variables);
+  void Relinearise(std::vector<std::uint32_t>& variables);
 
   IncrementalOptions options_;
-  PoseGraph graph_;  // its constraints count; its poses are the linearisation points
+  PoseGraph graph_;  // poses and points are where they were linearised
   std::vector<Node> nodes_;
   std::vector<Point> points_;
-  std::vector<std::uint32_t> pose_terms_;   // per constraint
+  std::vector<std::uint32_t> terms_;        // per constraint; kNone: removed, or all of it is held
   std::vector<std::uint32_t> point_terms_;  // per point constraint
+  std::vector<bool> removed_;               // constraints
+  std::vector<Component> components_;       // per node
   std::vector<Owner> owners_;               // per variable of the tree
   EliminationTree tree_;
-  std::vector<std::uint32_t> recent_;  // variables that should be eliminated last
-  std::vector<std::uint32_t> solved_;
+  std::vector<std::uint32_t> recent_;  // variables of the last constraints: eliminated last
+  bool updated_ = false;               // since recent_ grew
 };
 
 }  // namespace loci

@@ -37,7 +37,8 @@ NormalEquations::NormalEquations(const std::vector<int>& block_sizes,
 
 void NormalEquations::Clear() {
   for (std::uint32_t block = 0; block < block_sizes_.size(); ++block) {
-    std::fill_n(tree_.TermValues(own_term_[block]), block_sizes_[block] * (block_sizes_[block] + 1), 0.0);
+    std::fill_n(
+        tree_.TermValues(own_term_[block]), block_sizes_[block] * (block_sizes_[block] + 1), 0.0);
   }
   damping_.setZero();
 }
@@ -75,8 +76,8 @@ bool NormalEquations::Factor(double damping) {
   for (std::uint32_t block = 0; block < block_sizes_.size(); ++block) {
     double* values = tree_.TermValues(own_term_[block]);
     for (int i = 0; i < block_sizes_[block]; ++i) {
-      values[i * (block_sizes_[block] + 1) + i] += added(offset_[block] + i) -
-                                                   damping_(offset_[block] + i);
+      values[i * (block_sizes_[block] + 1) + i] +=
+          added(offset_[block] + i) - damping_(offset_[block] + i);
     }
   }
   damping_ = added;

@@ -51,9 +51,8 @@ LinearisedPair<3, 3, 3> Linearised(const TurnedPose2& a,
   const double sine = cosine_az * b.sine - sine_az * b.cosine;
   LinearisedPair<3, 3, 3> result;
   result.error = e.error;
-  result.jacobian_a << -z.cosine, -z.sine,
-      z.cosine * e.predicted.y() - z.sine * e.predicted.x(), z.sine, -z.cosine,
-      -z.sine * e.predicted.y() - z.cosine * e.predicted.x(), 0.0, 0.0, -1.0;
+  result.jacobian_a << -z.cosine, -z.sine, z.cosine * e.predicted.y() - z.sine * e.predicted.x(),
+      z.sine, -z.cosine, -z.sine * e.predicted.y() - z.cosine * e.predicted.x(), 0.0, 0.0, -1.0;
   result.jacobian_b << cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0;
   return result;
 }

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+// The elimination tree against a dense factorisation, while terms come, change and go.
+#include "core/graph/elimination_tree.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <map>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "core/base/random.h"
+
+namespace loci {
+namespace {
+
+// A tree and the same problem as a dense matrix.
+class Problem {
+ public:
+  std::uint32_t AddVariable(int size) {
+    offsets_.push_back(size_);
+    sizes_.push_back(size);
+    size_ += size;
+    return tree_.AddVariable(size);
+  }
+
+  // A random positive semidefinite term; of full rank if it is over one variable.
+  std::uint32_t AddTerm(const std::vector<std::uint32_t>& variables, RandomSequence& random) {
+    const std::uint32_t term = tree_.AddTerm(variables);
+    terms_[term].variables = variables;
+    SetTerm(term, random);
+    return term;
+  }
+  void SetTerm(std::uint32_t index, RandomSequence& random) {
+    Term& term = terms_[index];
+    Eigen::Index size = 0;
+    for (const std::uint32_t variable : term.variables) {
+      size += sizes_[variable];
+    }
+    const Eigen::MatrixXd root = Eigen::MatrixXd::NullaryExpr(
+        std::min<Eigen::Index>(size, 3), size, [&] { return random.NextUniform(-1.0, 1.0); });
+    term.h = root.transpose() * root;
+    term.b = Eigen::VectorXd::NullaryExpr(size, [&] { return random.NextUniform(-1.0, 1.0); });
+    double* values = tree_.SetTerm(index);
+    for (Eigen::Index column = 0; column < size; ++column) {
+      for (Eigen::Index row = column; row < size; ++row) {
+        values[column * (size + 1) + row] = term.h(row, column);
+      }
+      values[column * (size + 1) + size] = term.b(column);
+    }
+  }
+  void RemoveTerm(std::uint32_t term) {
+    tree_.RemoveTerm(term);
+    terms_.erase(term);
+  }
+
+  // Ties every variable to its place.
+  void Anchor(std::uint32_t variable) {
+    const std::vector<std::uint32_t> variables{variable};
+    const std::uint32_t index = tree_.AddTerm(variables);
+    const int size = sizes_[variable];
+    terms_[index] = {variables, Eigen::MatrixXd::Identity(size, size), Eigen::VectorXd::Zero(size)};
+    double* values = tree_.SetTerm(index);
+    for (int i = 0; i < size; ++i) {
+      values[i * (size + 1) + i] = 1.0;
+    }
+  }
+
+  EliminationTree& tree() { return tree_; }
+
+  Eigen::MatrixXd DenseMatrix(Eigen::VectorXd& b) const {
+    Eigen::MatrixXd h = Eigen::MatrixXd::Zero(size_, size_);
+    b = Eigen::VectorXd::Zero(size_);
+    for (const auto& [index, term] : terms_) {
+      Eigen::Index row = 0;
+      for (const std::uint32_t r : term.variables) {
+        Eigen::Index column = 0;
+        for (const std::uint32_t c : term.variables) {
+          h.block(offsets_[r], offsets_[c], sizes_[r], sizes_[c]) +=
+              term.h.block(row, column, sizes_[r], sizes_[c]);
+          column += sizes_[c];
+        }
+        b.segment(offsets_[r], sizes_[r]) += term.b.segment(row, sizes_[r]);
+        row += sizes_[r];
+      }
+    }
+    return h;
+  }
+
+  void ExpectDenseSolution() {
+    std::vector<std::uint32_t> solved;
+    tree_.Solve(0.0, solved);
+    Eigen::VectorXd b;
+    const Eigen::MatrixXd h = DenseMatrix(b);
+    const Eigen::VectorXd x = h.llt().solve(b);
+    for (std::uint32_t variable = 0; variable < sizes_.size(); ++variable) {
+      for (int i = 0; i < sizes_[variable]; ++i) {
+        EXPECT_NEAR(tree_.Value(variable)[i], x(offsets_[variable] + i), 1e-9 * (1.0 + x.norm()))
+            << "variable " << variable;
+      }
+    }
+  }
+
+  void ExpectDenseInverse(RandomSequence& random) const {
+    Eigen::VectorXd b;
+    const Eigen::MatrixXd inverse = DenseMatrix(b).inverse();
+    for (int trial = 0; trial < 10; ++trial) {
+      const auto row = static_cast<std::uint32_t>(random.NextBits() % sizes_.size());
+      const auto column = static_cast<std::uint32_t>(random.NextBits() % sizes_.size());
+      const Eigen::MatrixXd block = tree_.InverseBlock(row, column);
+      const Eigen::MatrixXd expected =
+          inverse.block(offsets_[row], offsets_[column], sizes_[row], sizes_[column]);
+      EXPECT_LT((block - expected).norm(), 1e-9 * inverse.norm());
+    }
+  }
+
+  std::vector<double> Values() const {
+    std::vector<double> values;
+    for (std::uint32_t variable = 0; variable < sizes_.size(); ++variable) {
+      values.insert(values.end(), tree_.Value(variable), tree_.Value(variable) + sizes_[variable]);
+    }
+    return values;
+  }
+
+  std::uint32_t AnyTerm(RandomSequence& random) const {
+    auto found = terms_.begin();
+    std::advance(found, static_cast<std::ptrdiff_t>(random.NextBits() % terms_.size()));
+    return found->first;
+  }
+  // Of two variables or more: what the anchors are not.
+  bool IsJoint(std::uint32_t term) const { return terms_.at(term).variables.size() > 1; }
+
+ private:
+  struct Term {
+    std::vector<std::uint32_t> variables;
+    Eigen::MatrixXd h;
+    Eigen::VectorXd b;
+  };
+
+  EliminationTree tree_;
+  std::vector<int> sizes_;
+  std::vector<Eigen::Index> offsets_;
+  Eigen::Index size_ = 0;
+  std::map<std::uint32_t, Term> terms_;
+};
+
+// Variables of 1 to 6 numbers in a chain, with terms across it of two to four variables.
+void Grow(Problem& problem, std::uint32_t count, RandomSequence& random) {
+  const auto begin = static_cast<std::uint32_t>(problem.tree().variable_count());
+  for (std::uint32_t variable = begin; variable < begin + count; ++variable) {
+    problem.AddVariable(1 + static_cast<int>(random.NextBits() % 6));
+    problem.Anchor(variable);
+    if (variable > 0) {
+      problem.AddTerm({variable, variable - 1}, random);
+    }
+    if (variable > 3 && random.NextBits() % 3 == 0) {
+      std::vector<std::uint32_t> variables{variable};
+      const std::size_t size = 2 + random.NextBits() % 3;
+      while (variables.size() < size) {
+        const auto other = static_cast<std::uint32_t>(random.NextBits() % variable);
+        if (std::find(variables.begin(), variables.end(), other) == variables.end()) {
+          variables.push_back(other);
+        }
+      }
+      problem.AddTerm(variables, random);
+    }
+  }
+}
+
+TEST(EliminationTreeTest, EqualsTheDenseSolutionWhileTermsComeChangeAndGo) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE(seed);
+    RandomSequence random(seed);
+    Problem problem;
+    for (int round = 0; round < 12; ++round) {
+      Grow(problem, 1 + static_cast<std::uint32_t>(random.NextBits() % 12), random);
+      for (int change = 0; change < 3; ++change) {
+        const std::uint32_t term = problem.AnyTerm(random);
+        if (problem.IsJoint(term)) {
+          random.NextBits() % 2 == 0 ? problem.RemoveTerm(term) : problem.SetTerm(term, random);
+        }
+      }
+      const std::vector<std::uint32_t> last{
+          static_cast<std::uint32_t>(problem.tree().variable_count() - 1), 0};
+      ASSERT_TRUE(problem.tree().Eliminate(random.NextBits() % 2 == 0 || last.front() == 0
+                                               ? std::span<const std::uint32_t>()
+                                               : std::span(last)));
+      problem.ExpectDenseSolution();
+    }
+    problem.ExpectDenseInverse(random);
+  }
+}
+
+TEST(EliminationTreeTest, LargeFrontsEqualTheDenseSolutionToo) {
+  RandomSequence random(5);
+  Problem problem;
+  for (std::uint32_t variable = 0; variable < 40; ++variable) {
+    problem.AddVariable(3);
+    problem.Anchor(variable);
+    for (std::uint32_t other = 0; other < variable; ++other) {
+      problem.AddTerm({other, variable}, random);  // all with all: one front of 120 columns
+    }
+  }
+  ASSERT_TRUE(problem.tree().Eliminate({}));
+  problem.ExpectDenseSolution();
+  problem.ExpectDenseInverse(random);
+}
+
+TEST(EliminationTreeTest, AnEndOfAChainConcernsOnlyTheEnd) {
+  RandomSequence random(3);
+  Problem problem;
+  std::size_t eliminated = 0;
+  for (std::uint32_t variable = 0; variable < 1000; ++variable) {
+    problem.AddVariable(3);
+    problem.Anchor(variable);
+    if (variable > 0) {
+      problem.AddTerm({variable - 1, variable}, random);
+    }
+    const std::vector<std::uint32_t> last{variable};
+    ASSERT_TRUE(problem.tree().Eliminate(last));
+    eliminated += problem.tree().eliminated_count();
+  }
+  EXPECT_LE(eliminated, 10'000U) << "with a new order of the whole each time it has doubled";
+  problem.ExpectDenseSolution();
+}
+
+TEST(EliminationTreeTest, WhatIsNotDeterminedIsToldAndMendedByATermThatSaysIt) {
+  RandomSequence random(7);
+  Problem problem;
+  Grow(problem, 10, random);
+  const std::uint32_t loose = problem.AddVariable(2);
+  EXPECT_FALSE(problem.tree().Eliminate({}));
+  EXPECT_FALSE(problem.tree().Eliminate({}));
+  problem.Anchor(loose);
+  ASSERT_TRUE(problem.tree().Eliminate({}));
+  problem.ExpectDenseSolution();
+}
+
+TEST(EliminationTreeTest, TheSameCallsGiveTheSameBits) {
+  std::vector<std::vector<double>> runs;
+  for (int run = 0; run < 2; ++run) {
+    RandomSequence random(11);
+    Problem problem;
+    for (int round = 0; round < 10; ++round) {
+      Grow(problem, 10, random);
+      ASSERT_TRUE(problem.tree().Eliminate({}));
+      std::vector<std::uint32_t> solved;
+      problem.tree().Solve(1e-3, solved);
+    }
+    runs.push_back(problem.Values());
+  }
+  EXPECT_EQ(runs[0], runs[1]);
+}
+
+TEST(EliminationTreeTest, ResetValuesCountFromZeroAgain) {
+  RandomSequence random(13);
+  Problem problem;
+  Grow(problem, 5, random);
+  ASSERT_TRUE(problem.tree().Eliminate({}));
+  std::vector<std::uint32_t> solved;
+  problem.tree().Solve(0.0, solved);
+  EXPECT_EQ(solved.size(), 5U);
+  problem.tree().ResetValue(2);
+  EXPECT_EQ(problem.tree().Value(2)[0], 0.0);
+}
+
+}  // namespace
+}  // namespace loci

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+// The incremental optimiser against the batch one, while a graph grows, loses constraints and is
+// joined.
+#include "core/graph/incremental_optimizer.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "core/graph/sparse_optimizer.h"
+#include "tests/core/graph/random_graph.h"
+
+namespace loci {
+namespace {
+
+double OptimumNear(PoseGraph graph) {
+  return OptimizeSparse(graph, SparseOptions{}).chi2_after;
+}
+
+// Adds the nodes of a graph one by one, each with its constraints to those before. Calls
+// `on_update` after each.
+template <typename OnUpdate>
+void Replay(const PoseGraph& whole, IncrementalOptimizer& optimizer, const OnUpdate& on_update) {
+  for (std::uint32_t node = 0; node < whole.map_from_node.size(); ++node) {
+    optimizer.AddNode(whole.map_from_node[node], whole.IsFixed(node));
+    for (const GraphConstraint& constraint : whole.constraints) {
+      if (std::max(constraint.from, constraint.to) == node) {
+        optimizer.AddConstraint(constraint);
+      }
+    }
+    on_update(node, optimizer.Update());
+  }
+}
+
+TEST(IncrementalOptimizerTest, IsAtTheOptimumOfEveryPrefix) {
+  IncrementalOptimizer optimizer(ExactOptions());
+  Replay(RandomLoopGraph(1, 150), optimizer, [&](std::uint32_t node, const UpdateSummary& update) {
+    EXPECT_TRUE(update.converged) << node;
+    if (node % 10 == 9) {
+      const PoseGraph graph = optimizer.Graph();
+      EXPECT_NEAR(Chi2(graph), OptimumNear(graph), 1e-6 * (1.0 + Chi2(graph))) << node;
+    }
+  });
+}
+
+TEST(IncrementalOptimizerTest, WithDefaultsIsWithinAHundredthOfTheOptimum) {
+  IncrementalOptimizer optimizer((IncrementalOptions()));
+  Replay(RandomLoopGraph(2, 400), optimizer, [&](std::uint32_t node, const UpdateSummary& update) {
+    EXPECT_TRUE(update.determined);
+    if (node % 20 == 19) {
+      const PoseGraph graph = optimizer.Graph();
+      EXPECT_LE(Chi2(graph), 1.01 * OptimumNear(graph) + 1e-3) << node;
+    }
+  });
+}
+
+TEST(IncrementalOptimizerTest, ANodeWithoutALoopCostsTheSameInALargeGraph) {
+  PoseGraph graph = RandomLoopGraph(3, 1000);
+  IncrementalOptimizer optimizer((IncrementalOptions()));
+  Replay(graph, optimizer, [](std::uint32_t, const UpdateSummary&) {});
+  for (std::uint32_t node = 1000; node < 1050; ++node) {
+    const Pose2 step{1.0, 0.0, 0.1};
+    optimizer.AddNode(optimizer.map_from_node(node - 1) * step, false);
+    optimizer.AddConstraint(
+        GraphConstraint{node - 1, node, step, Eigen::Matrix3d::Identity(), false});
+    EXPECT_LE(optimizer.Update().eliminated, 200U) << node;
+  }
+}
+
+TEST(IncrementalOptimizerTest, AfterRandomAdditionsAndRemovalsItIsAtTheBatchOptimum) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SCOPED_TRACE(seed);
+    RandomSequence random(seed);
+    const PoseGraph whole = RandomLoopGraph(seed, 120);
+    IncrementalOptimizer optimizer(ExactOptions());
+    std::vector<std::uint32_t> loops;
+    for (std::uint32_t node = 0; node < whole.map_from_node.size(); ++node) {
+      optimizer.AddNode(whole.map_from_node[node], whole.IsFixed(node));
+      for (const GraphConstraint& constraint : whole.constraints) {
+        if (std::max(constraint.from, constraint.to) == node) {
+          const std::uint32_t index = optimizer.AddConstraint(constraint);
+          if (constraint.from + 1 != constraint.to) {
+            loops.push_back(index);
+          }
+        }
+      }
+      if (loops.size() > 3 && random.NextBits() % 4 == 0) {
+        const std::size_t which = random.NextBits() % loops.size();
+        optimizer.RemoveConstraint(loops[which]);
+        loops.erase(loops.begin() + static_cast<std::ptrdiff_t>(which));
+      }
+      if (random.NextBits() % 3 == 0) {
+        EXPECT_TRUE(optimizer.Update().determined);
+      }
+    }
+    ASSERT_TRUE(optimizer.Update().converged);
+    const PoseGraph graph = optimizer.Graph();
+    EXPECT_NEAR(Chi2(graph), OptimumNear(graph), 1e-6 * Chi2(graph));
+  }
+}
+
+TEST(IncrementalOptimizerTest, ARemovedConstraintLeavesTheGraphThatNeverHadIt) {
+  const PoseGraph whole = RandomLoopGraph(4, 100);
+  IncrementalOptimizer with(ExactOptions());
+  Replay(whole, with, [](std::uint32_t, const UpdateSummary&) {});
+  const double chi2 = Chi2(with.Graph());
+  const GraphConstraint wrong{5, 77, {3.0, 1.0, 2.0}, 100.0 * Eigen::Matrix3d::Identity(), false};
+  const std::uint32_t index = with.AddConstraint(wrong);
+  with.Update();
+  EXPECT_GT(Chi2(with.Graph()), 2.0 * chi2);
+  with.RemoveConstraint(index);
+  ASSERT_TRUE(with.Update().converged);
+  EXPECT_NEAR(Chi2(with.Graph()), chi2, 1e-6 * chi2);
+}
+
+TEST(IncrementalOptimizerTest, PointsAreMovedWithTheNodesThatSeeThem) {
+  RandomSequence random(9);
+  PoseGraph graph = RandomLoopGraph(5, 60);
+  const std::vector<Pose2> truth = graph.map_from_node;
+  IncrementalOptimizer optimizer(ExactOptions());
+  Replay(graph, optimizer, [](std::uint32_t, const UpdateSummary&) {});
+  for (std::uint32_t point = 0; point < 8; ++point) {
+    const Eigen::Vector2d seen(random.NextUniform(1.0, 5.0), random.NextUniform(-2.0, 2.0));
+    optimizer.AddPoint(optimizer.map_from_node(point * 5) * seen);
+    optimizer.AddConstraint(
+        PointConstraint{point * 5, point, seen, 50.0 * Eigen::Matrix2d::Identity(), false});
+    const Eigen::Vector2d again =
+        Inverse(optimizer.map_from_node(point * 5 + 20)) * optimizer.point_in_map(point);
+    optimizer.AddConstraint(PointConstraint{point * 5 + 20,
+                                            point,
+                                            again + Eigen::Vector2d(0.2, -0.1),
+                                            50.0 * Eigen::Matrix2d::Identity(),
+                                            false});
+    ASSERT_TRUE(optimizer.Update().converged);
+    const PoseGraph now = optimizer.Graph();
+    EXPECT_NEAR(Chi2(now), OptimumNear(now), 1e-6 * Chi2(now));
+  }
+}
+
+TEST(IncrementalOptimizerTest, AJoinMovesTheLaterComponentAsAWhole) {
+  IncrementalOptimizer optimizer(ExactOptions());
+  const Eigen::Matrix3d information = 100.0 * Eigen::Matrix3d::Identity();
+  const Pose2 step{1.0, 0.0, 0.2};
+  for (std::uint32_t node = 0; node < 10; ++node) {
+    optimizer.AddNode({node < 5 ? 1.0 : 50.0, 7.0, 1.0}, false);
+    if (node % 5 != 0) {
+      optimizer.AddConstraint(GraphConstraint{node - 1, node, step, information, false});
+    }
+  }
+  ASSERT_TRUE(optimizer.Update().converged);
+  EXPECT_EQ(optimizer.map_from_node(5), (Pose2{50.0, 7.0, 1.0})) << "holds its component";
+  optimizer.AddConstraint(GraphConstraint{2, 8, {0.0, 3.0, 0.5}, information, false});
+  ASSERT_TRUE(optimizer.Update().converged);
+  EXPECT_EQ(optimizer.map_from_node(0), (Pose2{1.0, 7.0, 1.0}));
+  EXPECT_LT(Chi2(optimizer.Graph()), 1e-12);
+}
+
+TEST(IncrementalOptimizerTest, APartThatIsCutOffHoldsItsLowestNode) {
+  IncrementalOptimizer optimizer(ExactOptions());
+  const Eigen::Matrix3d information = 100.0 * Eigen::Matrix3d::Identity();
+  std::uint32_t bridge = 0;
+  for (std::uint32_t node = 0; node < 6; ++node) {
+    optimizer.AddNode({}, false);
+    if (node > 0) {
+      const std::uint32_t index = optimizer.AddConstraint(
+          GraphConstraint{node - 1, node, {2.0, 0.0, 0.0}, information, false});
+      bridge = node == 3 ? index : bridge;
+    }
+  }
+  ASSERT_TRUE(optimizer.Update().converged);
+  optimizer.RemoveConstraint(bridge);
+  optimizer.AddConstraint(GraphConstraint{4, 5, {3.0, 0.0, 0.0}, information, false});
+  ASSERT_TRUE(optimizer.Update().converged);
+  EXPECT_NEAR(optimizer.map_from_node(3).x, 6.0, 1e-9);
+  EXPECT_NEAR(optimizer.map_from_node(5).x, 6.0 + 2.0 + 2.5, 1e-9);
+  // And joined again.
+  optimizer.AddConstraint(GraphConstraint{2, 3, {5.0, 0.0, 0.0}, information, false});
+  ASSERT_TRUE(optimizer.Update().converged);
+  EXPECT_NEAR(optimizer.map_from_node(3).x, 9.0, 1e-9);
+}
+
+TEST(IncrementalOptimizerTest, NothingMovesWhileSomethingIsLoose) {
+  IncrementalOptimizer optimizer(ExactOptions());
+  optimizer.AddNode({}, false);
+  optimizer.AddNode({1.0, 0.0, 0.0}, false);
+  optimizer.AddConstraint(GraphConstraint{0, 1, {2.0, 0.0, 0.0}, Eigen::Matrix3d::Zero(), false});
+  EXPECT_FALSE(optimizer.Update().determined);
+  optimizer.AddConstraint(
+      GraphConstraint{0, 1, {2.0, 0.0, 0.0}, Eigen::Matrix3d::Identity(), false});
+  EXPECT_TRUE(optimizer.Update().converged);
+  EXPECT_NEAR(optimizer.map_from_node(1).x, 2.0, 1e-9);
+}
+
+TEST(IncrementalOptimizerTest, WithoutConstraintsNothingHappens) {
+  IncrementalOptimizer optimizer((IncrementalOptions()));
+  EXPECT_TRUE(optimizer.Update().converged);
+  optimizer.AddNode({1.0, 2.0, 3.0}, false);
+  EXPECT_TRUE(optimizer.Update().converged);
+  EXPECT_EQ(optimizer.map_from_node(0), (Pose2{1.0, 2.0, 3.0}));
+}
+
+TEST(IncrementalOptimizerTest, TheSameConstraintsGiveTheSameBits) {
+  const PoseGraph whole = RandomLoopGraph(6, 200);
+  IncrementalOptimizer first((IncrementalOptions()));
+  IncrementalOptimizer second((IncrementalOptions()));
+  Replay(whole, first, [](std::uint32_t, const UpdateSummary&) {});
+  Replay(whole, second, [](std::uint32_t, const UpdateSummary&) {});
+  EXPECT_EQ(first.Graph().map_from_node, second.Graph().map_from_node);
+}
+
+}  // namespace
+}  // namespace loci
