@@ -25,4 +25,18 @@ inline Pose3 Inverse(const Pose3& a_from_b) {
   return {-(rotation * a_from_b.translation), rotation};
 }
 
+// Adjoint, for xi = (translation, rotation vector): to first order in xi,
+// a_from_b * Exp(xi) == Exp(Adjoint(a_from_b) * xi) * a_from_b.
+inline Eigen::Matrix<double, 6, 6> Adjoint(const Pose3& a_from_b) {
+  const Eigen::Matrix3d rotation = a_from_b.rotation.toRotationMatrix();
+  const Eigen::Vector3d& t = a_from_b.translation;
+  Eigen::Matrix3d cross;
+  cross << 0.0, -t.z(), t.y(), t.z(), 0.0, -t.x(), -t.y(), t.x(), 0.0;
+  Eigen::Matrix<double, 6, 6> adjoint = Eigen::Matrix<double, 6, 6>::Zero();
+  adjoint.topLeftCorner<3, 3>() = rotation;
+  adjoint.topRightCorner<3, 3>() = cross * rotation;
+  adjoint.bottomRightCorner<3, 3>() = rotation;
+  return adjoint;
+}
+
 }  // namespace loci

@@ -3,6 +3,7 @@
 #include "core/graph/plane_problem.h"
 
 #include <cstddef>
+#include <utility>
 
 namespace loci {
 namespace {
@@ -78,10 +79,32 @@ LinearisedPair<2, 3, 2> Linearised(const PoseGraph& graph, const PointConstraint
   return result;
 }
 
+// With e = Z^-1 A: A * D gives e * D, as for the second node of a constraint.
+LinearisedPrior<3, 3> Linearised(const PoseGraph& graph, const PosePrior& prior) {
+  const Pose2 error = Inverse(prior.map_from_node) * graph.map_from_node[prior.node];
+  LinearisedPrior<3, 3> result;
+  result.error = error.vector();
+  result.jacobian.setZero();
+  result.jacobian.topLeftCorner<2, 2>() = InverseRotation(error.theta).transpose();
+  result.jacobian(2, 2) = 1.0;
+  return result;
+}
+
+// A * D moves the node by R(a) D.t.
+LinearisedPrior<2, 3> Linearised(const PoseGraph& graph, const PositionPrior& prior) {
+  LinearisedPrior<2, 3> result;
+  result.error = ErrorOf(graph, prior);
+  result.jacobian.setZero();
+  result.jacobian.leftCols<2>() =
+      InverseRotation(graph.map_from_node[prior.node].theta).transpose();
+  return result;
+}
+
 PlaneProblem::PlaneProblem(PoseGraph& graph, const RobustKernel& kernel)
     : graph_(&graph), kernel_(kernel) {
-  const std::vector<bool> held = HeldNodes(graph);
-  for (const bool node_is_held : held) {
+  Gauge<3> gauge = FindGauge(graph);
+  gauge_ties_ = std::move(gauge.ties);
+  for (const bool node_is_held : gauge.held) {
     block_of_node_.push_back(node_is_held ? kHeldBlock
                                           : static_cast<std::uint32_t>(block_sizes_.size()));
     if (!node_is_held) {
@@ -98,7 +121,7 @@ PlaneProblem::PlaneProblem(PoseGraph& graph, const RobustKernel& kernel)
   }
   std::vector<bool> seen(graph.points_in_map.size());
   for (const PointConstraint& constraint : graph.point_constraints) {
-    seen[constraint.point] = true;
+    seen[constraint.point] = !graph.IsPointFixed(constraint.point);
   }
   for (const bool point_is_seen : seen) {
     block_of_point_.push_back(point_is_seen ? static_cast<std::uint32_t>(block_sizes_.size())
@@ -137,6 +160,12 @@ double PlaneProblem::Cost() const {
   for (const PointConstraint& constraint : graph_->point_constraints) {
     sum += Rho(Chi2Of(*graph_, constraint), constraint.robust);
   }
+  for (const PosePrior& prior : graph_->pose_priors) {
+    sum += Rho(Chi2Of(*graph_, prior), prior.robust);
+  }
+  for (const PositionPrior& prior : graph_->position_priors) {
+    sum += Rho(Chi2Of(*graph_, prior), prior.robust);
+  }
   return sum;
 }
 
@@ -167,6 +196,26 @@ void PlaneProblem::Linearise(NormalEquations& equations) const {
         Linearised(*graph_, constraint),
         block_of_node_[constraint.from],
         block_of_point_[constraint.point]);
+  }
+  LinearisePriors(equations);
+}
+
+void PlaneProblem::LinearisePriors(NormalEquations& equations) const {
+  const auto add = [&](const auto& prior) {
+    const auto linearised = Linearised(*graph_, prior);
+    const double chi2 = linearised.error.dot(prior.information * linearised.error);
+    const double weight_of_kernel = prior.robust ? kernel_.Weight(chi2) : 1.0;
+    const auto weight = (weight_of_kernel * prior.information).eval();
+    AddPrior(linearised, weight, block_of_node_[prior.node], equations);
+  };
+  for (const PosePrior& prior : graph_->pose_priors) {
+    add(prior);
+  }
+  for (const PositionPrior& prior : graph_->position_priors) {
+    add(prior);
+  }
+  for (const GaugeTie<3>& tie : gauge_ties_) {
+    equations.AddDiagonal<3>(block_of_node_[tie.node], tie.information);
   }
 }
 

@@ -8,7 +8,9 @@
 #include <Eigen/Core>
 
 #include "core/geometry/se2.h"
+#include "core/graph/gauge.h"
 #include "core/graph/least_squares.h"
+#include "core/graph/linearised_prior.h"
 #include "core/graph/pose_graph.h"
 #include "core/graph/robust_kernel.h"
 
@@ -18,6 +20,8 @@ namespace loci {
 // Exp(xi), and for a shift of the point in the map.
 LinearisedPair<3, 3, 3> Linearised(const PoseGraph& graph, const GraphConstraint& constraint);
 LinearisedPair<2, 3, 2> Linearised(const PoseGraph& graph, const PointConstraint& constraint);
+LinearisedPrior<3, 3> Linearised(const PoseGraph& graph, const PosePrior& prior);
+LinearisedPrior<2, 3> Linearised(const PoseGraph& graph, const PositionPrior& prior);
 
 // A pose with its sine and cosine, which are dear.
 struct TurnedPose2 {
@@ -31,8 +35,8 @@ struct TurnedPose2 {
   double sine;
 };
 
-// Blocks: free nodes in the order of their index, then points that have a constraint. Refers to a
-// graph that lives longer and keeps its constraints.
+// Blocks: free nodes in the order of their index, then free points that have a constraint. Refers
+// to a graph that lives longer and keeps its constraints.
 class PlaneProblem final : public LeastSquaresProblem {
  public:
   PlaneProblem(PoseGraph& graph, const RobustKernel& kernel);
@@ -48,10 +52,12 @@ class PlaneProblem final : public LeastSquaresProblem {
   std::uint32_t BlockOfNode(std::uint32_t node) const { return block_of_node_[node]; }
 
  private:
+  void LinearisePriors(NormalEquations& equations) const;
   double Rho(double chi2, bool robust) const { return robust ? kernel_.Rho(chi2) : chi2; }
 
   PoseGraph* graph_;
   RobustKernel kernel_;
+  std::vector<GaugeTie<3>> gauge_ties_;
   std::vector<int> block_sizes_;
   std::vector<std::uint32_t> block_of_node_;
   std::vector<std::uint32_t> block_of_point_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Error, chi2, validity and components of a pose graph.
+// Error, chi2, validity, order and components of a pose graph.
 #include "core/graph/pose_graph.h"
 
 #include <algorithm>
@@ -48,6 +48,34 @@ Status ValidateConstraint(const PoseGraph& graph,
   return ValidateInformation(constraint.information, name + ".information");
 }
 
+Status ValidatePrior(const PoseGraph& graph, const PosePrior& prior, const std::string& name) {
+  LOCI_RETURN_IF_ERROR(ValidateIndex(prior.node, graph.map_from_node.size(), name + ".node"));
+  if (!prior.map_from_node.vector().allFinite()) {
+    return InvalidArgumentError(name + ".map_from_node: a number is not finite");
+  }
+  return ValidateInformation(prior.information, name + ".information");
+}
+
+Status ValidatePrior(const PoseGraph& graph, const PositionPrior& prior, const std::string& name) {
+  LOCI_RETURN_IF_ERROR(ValidateIndex(prior.node, graph.map_from_node.size(), name + ".node"));
+  if (!prior.node_in_map.allFinite()) {
+    return InvalidArgumentError(name + ".node_in_map: a number is not finite");
+  }
+  return ValidateInformation(prior.information, name + ".information");
+}
+
+Status ValidatePriors(const PoseGraph& graph) {
+  for (std::size_t i = 0; i < graph.pose_priors.size(); ++i) {
+    LOCI_RETURN_IF_ERROR(
+        ValidatePrior(graph, graph.pose_priors[i], "pose_priors[" + std::to_string(i) + "]"));
+  }
+  for (std::size_t i = 0; i < graph.position_priors.size(); ++i) {
+    LOCI_RETURN_IF_ERROR(ValidatePrior(
+        graph, graph.position_priors[i], "position_priors[" + std::to_string(i) + "]"));
+  }
+  return {};
+}
+
 // All that tells two constraints apart, in the order in which SortConstraints compares it.
 auto SortKey(const GraphConstraint& c) {
   std::array<double, 12> numbers{c.from_from_to.x, c.from_from_to.y, c.from_from_to.theta};
@@ -58,6 +86,38 @@ auto SortKey(const PointConstraint& c) {
   std::array<double, 6> numbers{c.point_in_from.x(), c.point_in_from.y()};
   std::copy_n(c.information.data(), 4, numbers.begin() + 2);
   return std::make_tuple(c.from, c.point, numbers, c.robust);
+}
+auto SortKey(const PosePrior& p) {
+  std::array<double, 12> numbers{p.map_from_node.x, p.map_from_node.y, p.map_from_node.theta};
+  std::copy_n(p.information.data(), 9, numbers.begin() + 3);
+  return std::make_tuple(p.node, numbers, p.robust);
+}
+auto SortKey(const PositionPrior& p) {
+  std::array<double, 6> numbers{p.node_in_map.x(), p.node_in_map.y()};
+  std::copy_n(p.information.data(), 4, numbers.begin() + 2);
+  return std::make_tuple(p.node, numbers, p.robust);
+}
+
+template <typename Term>
+void SortByKey(std::vector<Term>& terms) {
+  std::sort(terms.begin(), terms.end(), [](const Term& a, const Term& b) {
+    return SortKey(a) < SortKey(b);
+  });
+}
+
+template <typename Term>
+double SumOfChi2(const PoseGraph& graph, const std::vector<Term>& terms, double sum) {
+  for (const Term& term : terms) {
+    sum += Chi2Of(graph, term);
+  }
+  return sum;
+}
+
+template <typename Term>
+std::size_t CountZero(const std::vector<Term>& terms) {
+  return static_cast<std::size_t>(std::count_if(terms.begin(), terms.end(), [](const Term& term) {
+    return (term.information.array() == 0.0).all();
+  }));
 }
 
 // The root of `item`'s tree; halves the path on the way (union-find).
@@ -89,6 +149,14 @@ Eigen::Vector2d ErrorOf(const PoseGraph& graph, const PointConstraint& constrain
          constraint.point_in_from;
 }
 
+Eigen::Vector3d ErrorOf(const PoseGraph& graph, const PosePrior& prior) {
+  return (Inverse(prior.map_from_node) * graph.map_from_node[prior.node]).vector();
+}
+
+Eigen::Vector2d ErrorOf(const PoseGraph& graph, const PositionPrior& prior) {
+  return graph.map_from_node[prior.node].translation() - prior.node_in_map;
+}
+
 double Chi2Of(const PoseGraph& graph, const GraphConstraint& constraint) {
   const Eigen::Vector3d error = ErrorOf(graph, constraint);
   return error.dot(constraint.information * error);
@@ -99,15 +167,21 @@ double Chi2Of(const PoseGraph& graph, const PointConstraint& constraint) {
   return error.dot(constraint.information * error);
 }
 
+double Chi2Of(const PoseGraph& graph, const PosePrior& prior) {
+  const Eigen::Vector3d error = ErrorOf(graph, prior);
+  return error.dot(prior.information * error);
+}
+
+double Chi2Of(const PoseGraph& graph, const PositionPrior& prior) {
+  const Eigen::Vector2d error = ErrorOf(graph, prior);
+  return error.dot(prior.information * error);
+}
+
 double Chi2(const PoseGraph& graph) {
-  double sum = 0.0;
-  for (const GraphConstraint& constraint : graph.constraints) {
-    sum += Chi2Of(graph, constraint);
-  }
-  for (const PointConstraint& constraint : graph.point_constraints) {
-    sum += Chi2Of(graph, constraint);
-  }
-  return sum;
+  double sum = SumOfChi2(graph, graph.constraints, 0.0);
+  sum = SumOfChi2(graph, graph.point_constraints, sum);
+  sum = SumOfChi2(graph, graph.pose_priors, sum);
+  return SumOfChi2(graph, graph.position_priors, sum);
 }
 
 Status ValidateGraph(const PoseGraph& graph) {
@@ -131,18 +205,19 @@ Status ValidateGraph(const PoseGraph& graph) {
     LOCI_RETURN_IF_ERROR(ValidateConstraint(
         graph, graph.point_constraints[i], "point_constraints[" + std::to_string(i) + "]"));
   }
-  return {};
+  return ValidatePriors(graph);
+}
+
+std::size_t CountZeroInformation(const PoseGraph& graph) {
+  return CountZero(graph.constraints) + CountZero(graph.point_constraints) +
+         CountZero(graph.pose_priors) + CountZero(graph.position_priors);
 }
 
 void SortConstraints(PoseGraph& graph) {
-  std::sort(
-      graph.constraints.begin(),
-      graph.constraints.end(),
-      [](const GraphConstraint& a, const GraphConstraint& b) { return SortKey(a) < SortKey(b); });
-  std::sort(
-      graph.point_constraints.begin(),
-      graph.point_constraints.end(),
-      [](const PointConstraint& a, const PointConstraint& b) { return SortKey(a) < SortKey(b); });
+  SortByKey(graph.constraints);
+  SortByKey(graph.point_constraints);
+  SortByKey(graph.pose_priors);
+  SortByKey(graph.position_priors);
 }
 
 GraphComponents FindComponents(const PoseGraph& graph) {
@@ -165,25 +240,6 @@ GraphComponents FindComponents(const PoseGraph& graph) {
   components.of_node.assign(number.begin(), first_point);
   components.of_point.assign(first_point, number.end());
   return components;
-}
-
-std::vector<bool> HeldNodes(const PoseGraph& graph) {
-  const GraphComponents components = FindComponents(graph);
-  std::vector<bool> held(graph.map_from_node.size());
-  std::vector<bool> component_has_fixed(components.count);
-  for (std::size_t i = 0; i < held.size(); ++i) {
-    held[i] = graph.IsFixed(i);
-    if (held[i]) {
-      component_has_fixed[components.of_node[i]] = true;
-    }
-  }
-  for (std::size_t i = 0; i < held.size(); ++i) {
-    if (!component_has_fixed[components.of_node[i]]) {
-      held[i] = true;
-      component_has_fixed[components.of_node[i]] = true;
-    }
-  }
-  return held;
 }
 
 }  // namespace loci

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The pose graph: nodes in the plane, relative constraints between them, and chi2.
+// The pose graph: nodes and points in the plane, what has been measured of them, and chi2.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@ namespace loci {
 struct GraphConstraint {
   std::uint32_t from = 0;
   std::uint32_t to = 0;
-  Pose2 from_from_to;
+  Pose2 from_from_to = {};
   Eigen::Matrix3d information =
       Eigen::Matrix3d::Identity();  // (x, y, theta), positive semidefinite
   bool robust = false;  // may be wrong (a closure): the optimiser's robust kernel applies to it
@@ -37,38 +37,74 @@ struct PointConstraint {
   bool robust = false;
 };
 
-// Nodes, points and constraints. Any number of components.
+// A measured pose of a node in the map: a place that is known, an absolute scan match.
 //
-// `fixed` says which nodes keep their pose; it may be shorter than the nodes, the rest is free.
-// Where a component has no fixed node, the optimisers hold its node with the lowest index.
+// Error: vector(Inverse(measured) * map_from_node) in the order (x, y, theta), as g2o's
+// EDGE_PRIOR_SE2 has it.
+struct PosePrior {
+  std::uint32_t node = 0;
+  Pose2 map_from_node = {};  // as measured
+  Eigen::Matrix3d information =
+      Eigen::Matrix3d::Identity();  // (x, y, theta) in the measured frame, positive semidefinite
+  bool robust = false;
+};
+
+// A measured position of a node in the map, without a heading: GNSS.
+//
+// Error: the node's position - node_in_map (g2o's EDGE_PRIOR_SE2_XY).
+struct PositionPrior {
+  std::uint32_t node = 0;
+  Eigen::Vector2d node_in_map = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d information = Eigen::Matrix2d::Identity();  // (x, y) in the map
+  bool robust = false;
+};
+
+// Nodes, points, constraints and priors. Any number of components.
+//
+// `fixed` says which nodes keep their pose, `fixed_points` which points; each may be shorter than
+// what it speaks of, the rest is free. What holds a component that nothing ties to the map, or not
+// in all directions, is said in gauge.h.
 struct PoseGraph {
   std::vector<Pose2> map_from_node;
   std::vector<GraphConstraint> constraints;
   std::vector<bool> fixed;
   std::vector<Eigen::Vector2d> points_in_map;
   std::vector<PointConstraint> point_constraints;
+  std::vector<bool> fixed_points;
+  std::vector<PosePrior> pose_priors;
+  std::vector<PositionPrior> position_priors;
 
   bool IsFixed(std::size_t node) const { return node < fixed.size() && fixed[node]; }
+  bool IsPointFixed(std::size_t point) const {
+    return point < fixed_points.size() && fixed_points[point];
+  }
 };
 
-// The error vector of one constraint.
+// The error vector of one constraint or prior.
 Eigen::Vector3d ErrorOf(const PoseGraph& graph, const GraphConstraint& constraint);
 Eigen::Vector2d ErrorOf(const PoseGraph& graph, const PointConstraint& constraint);
+Eigen::Vector3d ErrorOf(const PoseGraph& graph, const PosePrior& prior);
+Eigen::Vector2d ErrorOf(const PoseGraph& graph, const PositionPrior& prior);
 
-// e^T Omega e of one constraint.
+// e^T Omega e of one constraint or prior.
 double Chi2Of(const PoseGraph& graph, const GraphConstraint& constraint);
 double Chi2Of(const PoseGraph& graph, const PointConstraint& constraint);
+double Chi2Of(const PoseGraph& graph, const PosePrior& prior);
+double Chi2Of(const PoseGraph& graph, const PositionPrior& prior);
 
-// The sum over all constraints, in the order of their index; no kernel, no factor 1/2.
+// The sum over all constraints and priors, in the order of their index; no kernel, no factor 1/2.
 double Chi2(const PoseGraph& graph);
 
-// kInvalidArgument, naming the constraint and the field, if an index is out of range, a constraint
-// joins a node to itself, a number is not finite, or an information is not symmetric positive
-// semidefinite (core/graph/information.h).
+// kInvalidArgument, naming the constraint or prior and the field, if an index is out of range, a
+// constraint joins a node to itself, a number is not finite, or an information is not symmetric
+// positive semidefinite (core/graph/information.h).
 Status ValidateGraph(const PoseGraph& graph);
 
-// Puts constraints into the order (from, to, pose before point, measurement, information, robust),
-// so that the result of an optimisation does not depend on the order in which they arrived.
+// Constraints and priors whose information is zero: they count, and say nothing.
+std::size_t CountZeroInformation(const PoseGraph& graph);
+
+// Puts constraints into the order (from, to, measurement, information, robust), and priors
+// alike, so that the result of an optimisation does not depend on the order in which they arrived.
 void SortConstraints(PoseGraph& graph);
 
 // Component of each node and, after them, of each point: numbered from 0 by their lowest node.
@@ -81,7 +117,7 @@ struct GraphComponents {
 GraphComponents FindComponents(const PoseGraph& graph);
 
 // The nodes that an optimiser holds: those that are fixed, and the lowest of each component that
-// has none. As long as the nodes.
+// neither a fixed node nor anything else ties to the map (gauge.h). As long as the nodes.
 std::vector<bool> HeldNodes(const PoseGraph& graph);
 
 }  // namespace loci

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/base/check.h"
+#include "core/graph/align_to_priors.h"
 #include "core/graph/least_squares.h"
 #include "core/graph/plane_problem.h"
 
@@ -22,11 +23,12 @@ LeastSquaresOptions LeastSquaresOptionsFrom(const SparseOptions& options) {
 OptimizationSummary OptimizeSparse(PoseGraph& graph, const SparseOptions& options) {
   OptimizationSummary summary;
   summary.chi2_before = Chi2(graph);
+  const double gained = AlignToPriors(graph, options.kernel);
   PlaneProblem problem(graph, options.kernel);
   const LeastSquaresSummary minimised = Minimise(problem, LeastSquaresOptionsFrom(options));
   summary.chi2_after = Chi2(graph);
   summary.iterations = minimised.iterations;
-  summary.cost_before = minimised.cost_before;
+  summary.cost_before = minimised.cost_before + gained;
   summary.cost_after = minimised.cost_after;
   summary.converged = minimised.converged;
   return summary;

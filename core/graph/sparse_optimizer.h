@@ -58,7 +58,7 @@ class GraphCovariance {
   GraphCovariance(GraphCovariance&&) noexcept;
   GraphCovariance& operator=(GraphCovariance&&) noexcept;
 
-  // Of map_from_node, relative to the held node of its component.
+  // Of map_from_node, relative to what holds its component or ties it to the map (gauge.h).
   Eigen::Matrix3d Marginal(std::uint32_t node);
   // Of from_from_to = Inverse(map_from_from) * map_from_to, as from_from_to * Exp(xi). For nodes of
   // two components the answer says nothing about their relation, since both are held.

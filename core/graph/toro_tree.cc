@@ -92,7 +92,8 @@ void PlaceByTree(const ToroTree& tree, PoseGraph& graph) {
 }
 
 void PlacePoints(PoseGraph& graph) {
-  std::vector<bool> placed(graph.points_in_map.size());
+  std::vector<bool> placed = graph.fixed_points;
+  placed.resize(graph.points_in_map.size());
   for (const PointConstraint& constraint : graph.point_constraints) {
     if (!placed[constraint.point]) {
       placed[constraint.point] = true;

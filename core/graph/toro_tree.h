@@ -27,10 +27,10 @@ struct ToroTree {
 ToroTree BreadthFirstTree(const PoseGraph& graph);
 
 // The poses that follow from the roots' by composing the constraints along the tree: a start
-// without the drift of odometry. Points are placed by their first constraint.
+// without the drift of odometry. Free points are placed by their first constraint.
 void PlaceByTree(const ToroTree& tree, PoseGraph& graph);
 
-// Places every point by its first constraint, from the nodes' present poses.
+// Places every free point by its first constraint, from the nodes' present poses.
 void PlacePoints(PoseGraph& graph);
 
 }  // namespace loci

@@ -15,6 +15,7 @@
 #include "clients/log/line_source.h"
 #include "core/graph/g2o_format.h"
 #include "core/graph/optimize.h"
+#include "core/graph/space_problem.h"
 #include "core/graph/toro_optimizer.h"
 #include "core/graph/toro_tree.h"
 

@@ -48,6 +48,7 @@ TEST(PoseGraphTest, AnglesJustBeyondPiAreSmallErrors) {
 TEST(PoseGraphTest, Chi2StaysWhenEverythingMovesRigidly) {
   PoseGraph graph = RandomLoopGraph(1, 60);
   AddPoints(2, 10, graph);
+  AddPriors(7, graph);
   const double chi2 = Chi2(graph);
   ASSERT_GT(chi2, 100.0);
   RandomSequence random(3);
@@ -80,6 +81,36 @@ TEST(PoseGraphTest, RefusesWhatIsNoGraphAndSaysWhichConstraint) {
   EXPECT_THAT(status_with([](PoseGraph& g) { g.constraints[0].information.setZero(); }), IsOk());
   EXPECT_THAT(status_with([](PoseGraph& g) { g.point_constraints.resize(1); }),
               IsStatus(StatusCode::kInvalidArgument, "point_constraints[0].point"));
+  EXPECT_THAT(status_with([](PoseGraph& g) { g.pose_priors.push_back({.node = 2}); }),
+              IsStatus(StatusCode::kInvalidArgument, "pose_priors[0].node: 2, must be < 2"));
+  EXPECT_THAT(status_with([&](PoseGraph& g) {
+                g.pose_priors.push_back({.node = 1, .map_from_node = {0.0, nan, 0.0}});
+              }),
+              IsStatus(StatusCode::kInvalidArgument, "pose_priors[0].map_from_node"));
+  EXPECT_THAT(status_with([](PoseGraph& g) {
+                g.pose_priors.push_back({.information = -Eigen::Matrix3d::Identity()});
+              }),
+              IsStatus(StatusCode::kInvalidArgument, "pose_priors[0].information: eigenvalue -1"));
+  EXPECT_THAT(status_with([](PoseGraph& g) { g.position_priors.push_back({.node = 9}); }),
+              IsStatus(StatusCode::kInvalidArgument, "position_priors[0].node: 9, must be < 2"));
+  EXPECT_THAT(status_with([&](PoseGraph& g) {
+                g.position_priors.push_back({.node_in_map = {nan, 0.0}});
+              }),
+              IsStatus(StatusCode::kInvalidArgument, "position_priors[0].node_in_map"));
+  EXPECT_THAT(status_with([](PoseGraph& g) {
+                g.position_priors.push_back({.information = -Eigen::Matrix2d::Identity()});
+              }),
+              IsStatus(StatusCode::kInvalidArgument, "position_priors[0].information"));
+}
+
+TEST(PoseGraphTest, CountsInformationThatIsZero) {
+  PoseGraph graph = TwoNodes();
+  EXPECT_EQ(CountZeroInformation(graph), 0U);
+  graph.constraints[0].information.setZero();
+  graph.pose_priors.push_back({.information = Eigen::Matrix3d::Zero()});
+  graph.position_priors.push_back({.information = Eigen::Matrix2d::Zero()});
+  graph.position_priors.push_back({});
+  EXPECT_EQ(CountZeroInformation(graph), 3U);
 }
 
 TEST(PoseGraphTest, SortingMakesEveryPermutationTheSame) {
@@ -89,12 +120,15 @@ TEST(PoseGraphTest, SortingMakesEveryPermutationTheSame) {
       graph.constraints[7]);  // duplicates, and others that differ in one bit
   graph.constraints.push_back(graph.constraints[7]);
   graph.constraints.back().robust = true;
+  AddPriors(8, graph);
   PoseGraph shuffled = graph;
   RandomSequence random(6);
   for (std::size_t i = shuffled.constraints.size() - 1; i > 0; --i) {
     std::swap(shuffled.constraints[i], shuffled.constraints[random.NextBits() % (i + 1)]);
   }
   std::reverse(shuffled.point_constraints.begin(), shuffled.point_constraints.end());
+  std::reverse(shuffled.pose_priors.begin(), shuffled.pose_priors.end());
+  std::reverse(shuffled.position_priors.begin(), shuffled.position_priors.end());
   SortConstraints(graph);
   SortConstraints(shuffled);
   const auto same = [](const GraphConstraint& a, const GraphConstraint& b) {

@@ -91,8 +91,42 @@ inline void AddPoints(std::uint64_t seed, std::size_t count, PoseGraph& graph) {
   }
 }
 
-// All poses and points of a graph, moved by one rigid motion.
+// Gives every third node a GNSS fix, and every tenth a pose in the map; noisy, about where the
+// nodes are.
+inline void AddPriors(std::uint64_t seed, PoseGraph& graph) {
+  RandomSequence random(seed);
+  for (std::uint32_t i = 0; i < graph.map_from_node.size(); ++i) {
+    const Pose2& map_from_node = graph.map_from_node[i];
+    if (i % 3 == 0) {
+      Eigen::Matrix2d information;
+      information << 4.0, 1.0, 1.0, 2.0;
+      graph.position_priors.push_back(
+          {i,
+           map_from_node.translation() +
+               0.5 * Eigen::Vector2d(random.NextNormal(), random.NextNormal()),
+           information,
+           false});
+    }
+    if (i % 10 == 0) {
+      graph.pose_priors.push_back(
+          {i, map_from_node * Noise(random, 0.2, 0.05), RandomInformation(random), false});
+    }
+  }
+}
+
+// All of a graph, with what its priors say, moved by one rigid motion.
 inline PoseGraph Moved(const Pose2& new_from_old, PoseGraph graph) {
+  for (PosePrior& prior : graph.pose_priors) {
+    prior.map_from_node = new_from_old * prior.map_from_node;
+  }
+  Eigen::Matrix2d rotation;
+  rotation << Cos(new_from_old.theta), -Sin(new_from_old.theta), Sin(new_from_old.theta),
+      Cos(new_from_old.theta);
+  for (PositionPrior& prior : graph.position_priors) {
+    prior.node_in_map = new_from_old * prior.node_in_map;
+    const Eigen::Matrix2d turned = rotation * prior.information * rotation.transpose();
+    prior.information = 0.5 * (turned + turned.transpose());
+  }
   for (Pose2& pose : graph.map_from_node) {
     pose = new_from_old * pose;
   }

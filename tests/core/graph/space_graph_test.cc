@@ -4,59 +4,14 @@
 
 #include <gtest/gtest.h>
 
-#include "core/base/random.h"
 #include "core/graph/g2o_format.h"
+#include "core/graph/space_problem.h"
+#include "tests/core/graph/random_space_graph.h"
 #include "tests/support/datasets.h"
 #include "tests/support/matchers.h"
 
 namespace loci {
 namespace {
-
-Pose3 RandomPose3(RandomSequence& random, double range_m, double quaternion_range) {
-  Pose3 pose;
-  const auto number = [&](double range) { return random.NextUniform(-range, range); };
-  pose.translation = {number(range_m), number(range_m), number(range_m)};
-  pose.rotation =
-      Eigen::Quaterniond(
-          1.0, number(quaternion_range), number(quaternion_range), number(quaternion_range))
-          .normalized();
-  return pose;
-}
-
-// A small motion in the node's own frame: (translation, rotation vector).
-Pose3 Perturbed(const Pose3& pose, int axis, double by) {
-  Pose3 motion;
-  if (axis < 3) {
-    motion.translation(axis) = by;
-  } else {
-    motion.rotation = Eigen::AngleAxisd(by, Eigen::Vector3d::Unit(axis - 3));
-  }
-  return pose * motion;
-}
-
-SpaceGraph RandomSpaceGraph(std::uint64_t seed, std::uint32_t count) {
-  RandomSequence random(seed);
-  SpaceGraph truth;
-  for (std::uint32_t i = 0; i < count; ++i) {
-    truth.map_from_node.push_back(RandomPose3(random, 5.0, 2.0));
-  }
-  SpaceGraph graph = truth;
-  for (std::uint32_t i = 0; i < count; ++i) {
-    for (const std::uint32_t j : {i + 1, i + 7}) {
-      if (j < count) {
-        SpaceConstraint constraint;
-        constraint.from = i;
-        constraint.to = j;
-        constraint.from_from_to = Inverse(truth.map_from_node[i]) * truth.map_from_node[j] *
-                                  RandomPose3(random, 0.05, 0.02);
-        constraint.information *= 400.0;
-        graph.constraints.push_back(constraint);
-      }
-    }
-    graph.map_from_node[i] = graph.map_from_node[i] * RandomPose3(random, 0.5, 0.2);
-  }
-  return graph;
-}
 
 TEST(SpaceGraphTest, JacobiansAreTheNumericOnes) {
   constexpr double kStep = 1e-6;
