@@ -19,6 +19,18 @@ constexpr double kGrowthMax = 2.0;
 
 }  // namespace
 
+void EliminationTree::Reserve(std::size_t variables, std::size_t terms) {
+  variables_.reserve(variables);
+  value_.reserve(3 * variables);
+  spread_.reserve(3 * variables);
+  moved_.reserve(variables);
+  touched_.reserve(variables);
+  fronts_.reserve(variables);
+  terms_.reserve(terms);
+  term_variables_.reserve(2 * terms);
+  term_values_.reserve(42 * terms);
+}
+
 std::uint32_t EliminationTree::AddVariable(int size) {
   LOCI_CHECK(size > 0);
   const auto variable = static_cast<std::uint32_t>(variables_.size());
@@ -65,7 +77,11 @@ std::uint32_t EliminationTree::AddTerm(std::span<const std::uint32_t> variables)
     variables_[variable].terms.push_back(index);
     Touch(variable);
   }
-  structure_changed_ = true;
+  if (variables.size() == 1) {
+    terms_[index].first = variables.front();
+  } else {
+    structure_changed_ = true;
+  }
   return index;
 }
 
@@ -201,25 +217,7 @@ void EliminationTree::Reorder(std::span<const std::uint32_t> last) {
   const SymbolicTree tree = AnalyseElimination(graph, EliminationOrder(graph, last_open));
 
   RemoveAffected();
-  for (const SymbolicFront& symbolic : tree.fronts) {
-    const std::uint32_t index = NewFront();
-    affected_.push_back(index);
-    Front& front = fronts_[index];
-    const auto add = [&](std::uint32_t i) {
-      front.variables.push_back(open[i]);
-      front.size += static_cast<std::uint32_t>(variables_[open[i]].size);
-    };
-    std::for_each(symbolic.columns.begin(), symbolic.columns.end(), add);
-    front.eliminated = static_cast<std::uint32_t>(symbolic.columns.size());
-    front.columns = front.size;
-    std::for_each(symbolic.rows.begin(), symbolic.rows.end(), add);
-    flops_ += FlopsOf(front);
-  }
-  for (std::size_t i = 0; i < tree.fronts.size(); ++i) {
-    if (tree.fronts[i].parent != kNone) {
-      SetParent(affected_[i], affected_[tree.fronts[i].parent]);
-    }
-  }
+  MakeFronts(tree, open);
   // What comes first of some variables, all of them open.
   const auto first_of = [&](std::span<const std::uint32_t> variables) {
     return *std::min_element(
@@ -242,6 +240,28 @@ void EliminationTree::Reorder(std::span<const std::uint32_t> last) {
   }
   for (const std::uint32_t variable : open) {
     variables_[variable].front = affected_[tree.front_of[variables_[variable].row]];
+  }
+}
+
+void EliminationTree::MakeFronts(const SymbolicTree& tree, std::span<const std::uint32_t> open) {
+  for (const SymbolicFront& symbolic : tree.fronts) {
+    const std::uint32_t index = NewFront();
+    affected_.push_back(index);
+    Front& front = fronts_[index];
+    const auto add = [&](std::uint32_t i) {
+      front.variables.push_back(open[i]);
+      front.size += static_cast<std::uint32_t>(variables_[open[i]].size);
+    };
+    std::for_each(symbolic.columns.begin(), symbolic.columns.end(), add);
+    front.eliminated = static_cast<std::uint32_t>(symbolic.columns.size());
+    front.columns = front.size;
+    std::for_each(symbolic.rows.begin(), symbolic.rows.end(), add);
+    flops_ += FlopsOf(front);
+  }
+  for (std::size_t i = 0; i < tree.fronts.size(); ++i) {
+    if (tree.fronts[i].parent != kNone) {
+      SetParent(affected_[i], affected_[tree.fronts[i].parent]);
+    }
   }
 }
 

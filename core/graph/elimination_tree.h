@@ -24,6 +24,8 @@ class EliminationTree {
  public:
   static constexpr std::uint32_t kNone = 0xFFFFFFFFU;
 
+  // Room for so many variables, and terms of two of them.
+  void Reserve(std::size_t variables, std::size_t terms);
   // A variable of `size` numbers, at 0. Named by their count.
   std::uint32_t AddVariable(int size);
   // A term over these variables, no two of them equal; all zero until it is set.
@@ -105,6 +107,7 @@ class EliminationTree {
   std::vector<std::uint32_t> OpenVariables(std::vector<std::uint32_t>& orphans);
   VariableGraph GraphOfOpen(std::span<const std::uint32_t> open,
                             std::span<const std::uint32_t> orphans) const;
+  void MakeFronts(const SymbolicTree& tree, std::span<const std::uint32_t> open);
   void RemoveAffected();
   std::uint32_t NewFront();
   bool EliminateFront(std::uint32_t front);

@@ -20,12 +20,13 @@ NormalEquations::NormalEquations(const std::vector<int>& block_sizes,
                                  const std::vector<BlockPair>& pairs)
     : block_sizes_(block_sizes), pairs_(pairs) {
   offset_.reserve(block_sizes_.size());
+  tree_.Reserve(block_sizes_.size(), pairs_.size());
   for (const int block_size : block_sizes_) {
     offset_.push_back(size_);
     size_ += block_size;
-    const std::array<std::uint32_t, 1> variable{tree_.AddVariable(block_size)};
-    own_term_.push_back(tree_.AddTerm(variable));
+    tree_.AddVariable(block_size);
   }
+  own_term_.assign(block_sizes_.size(), kNone);
   pair_term_.reserve(pairs_.size());
   for (const BlockPair& pair : pairs_) {
     LOCI_CHECK(pair.row != pair.column);
@@ -37,15 +38,28 @@ NormalEquations::NormalEquations(const std::vector<int>& block_sizes,
 
 void NormalEquations::Clear() {
   for (std::uint32_t block = 0; block < block_sizes_.size(); ++block) {
-    std::fill_n(
-        tree_.TermValues(own_term_[block]), block_sizes_[block] * (block_sizes_[block] + 1), 0.0);
+    if (own_term_[block] != kNone) {
+      std::fill_n(
+          tree_.TermValues(own_term_[block]), block_sizes_[block] * (block_sizes_[block] + 1), 0.0);
+    }
   }
   damping_.setZero();
 }
 
+double* NormalEquations::OwnTerm(std::uint32_t block) {
+  if (own_term_[block] == kNone) {
+    const std::array<std::uint32_t, 1> variable{block};
+    own_term_[block] = tree_.AddTerm(variable);
+  }
+  return tree_.TermValues(own_term_[block]);
+}
+
 Eigen::VectorXd NormalEquations::Diagonal() const {
-  Eigen::VectorXd diagonal(size_);
+  Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(size_);
   for (std::uint32_t block = 0; block < block_sizes_.size(); ++block) {
+    if (own_term_[block] == kNone) {
+      continue;
+    }
     const double* values = tree_.TermValues(own_term_[block]);
     for (int i = 0; i < block_sizes_[block]; ++i) {
       diagonal(offset_[block] + i) = values[i * (block_sizes_[block] + 1) + i];
@@ -74,10 +88,13 @@ bool NormalEquations::Factor(double damping) {
     added = damping * diagonal.cwiseMax(kDiagonalMinRelative * diagonal.maxCoeff());
   }
   for (std::uint32_t block = 0; block < block_sizes_.size(); ++block) {
-    double* values = tree_.TermValues(own_term_[block]);
+    if (own_term_[block] == kNone && damping == 0.0) {
+      continue;
+    }
+    double* values = OwnTerm(block);
     for (int i = 0; i < block_sizes_[block]; ++i) {
-      values[i * (block_sizes_[block] + 1) + i] +=
-          added(offset_[block] + i) - damping_(offset_[block] + i);
+      const Eigen::Index at = offset_[block] + i;
+      values[i * (block_sizes_[block] + 1) + i] += added(at) - damping_(at);
     }
   }
   damping_ = added;

@@ -40,7 +40,7 @@ class NormalEquations {
   // Adds a symmetric matrix to the diagonal block of `block`.
   template <int kSize>
   void AddDiagonal(std::uint32_t block, const Eigen::Matrix<double, kSize, kSize>& matrix) {
-    double* values = tree_.TermValues(own_term_[block]);
+    double* values = OwnTerm(block);
     for (int column = 0; column < kSize; ++column) {
       for (int row = column; row < kSize; ++row) {
         values[column * (kSize + 1) + row] += matrix(row, column);
@@ -50,7 +50,7 @@ class NormalEquations {
 
   template <int kSize>
   void AddGradient(std::uint32_t block, const Eigen::Matrix<double, kSize, 1>& vector) {
-    double* values = tree_.TermValues(own_term_[block]);
+    double* values = OwnTerm(block);
     for (int column = 0; column < kSize; ++column) {
       values[column * (kSize + 1) + kSize] -= vector(column);
     }
@@ -83,13 +83,16 @@ class NormalEquations {
   Eigen::MatrixXd InverseBlock(std::uint32_t row, std::uint32_t column) const;
 
  private:
+  static constexpr std::uint32_t kNone = EliminationTree::kNone;
+
+  double* OwnTerm(std::uint32_t block);
   Eigen::VectorXd Diagonal() const;
 
   std::vector<int> block_sizes_;
   std::vector<Eigen::Index> offset_;  // of each block in step and gradient
   Eigen::Index size_ = 0;
   EliminationTree tree_;                 // blocks are its variables
-  std::vector<std::uint32_t> own_term_;  // per block
+  std::vector<std::uint32_t> own_term_;  // per block; kNone: it needs none so far
   std::vector<std::uint32_t> pair_term_;
   std::vector<BlockPair> pairs_;
   Eigen::VectorXd damping_;  // what Factor has added to the diagonal
