@@ -91,8 +91,8 @@ class Alignment {
     correlation += kIdentityWeight * scale * Matrix::Identity();
     const Eigen::JacobiSVD<Matrix> svd(correlation, Eigen::ComputeFullU | Eigen::ComputeFullV);
     Vector signs = Vector::Ones();
-    signs(kDimension - 1) = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0
-                                                                                             : 1.0;
+    signs(kDimension - 1) =
+        (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0;
     rotation = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
     translation = weight_ > 0.0 ? Vector(mean_to - rotation * mean_from) : Vector::Zero().eval();
     return true;

@@ -54,8 +54,7 @@ class GaugeFinder {
       tie.node = node;
     }
     const Eigen::Matrix<double, kError, kSize> by_motion =
-        jacobian *
-        Adjoint(Inverse(graph_.map_from_node[node]) * graph_.map_from_node[tie.node]);
+        jacobian * Adjoint(Inverse(graph_.map_from_node[node]) * graph_.map_from_node[tie.node]);
     tie.information += by_motion.transpose() * information * by_motion;
   }
 
@@ -110,8 +109,7 @@ Gauge<kSize> FindGaugeOf(const Graph& graph) {
   }
   for (const auto& constraint : graph.point_constraints) {
     if (graph.IsPointFixed(constraint.point)) {
-      finder.Add(
-          constraint.from, Linearised(graph, constraint).jacobian_a, constraint.information);
+      finder.Add(constraint.from, Linearised(graph, constraint).jacobian_a, constraint.information);
     }
   }
   return std::move(finder).Take();

@@ -192,8 +192,7 @@ LinearisedPair<3, 6, 3> Linearised(const SpaceGraph& graph,
   const Eigen::Vector3d predicted = result.error + constraint.point_in_from;
   result.jacobian_a.leftCols<3>() = -Eigen::Matrix3d::Identity();
   result.jacobian_a.rightCols<3>() = CrossMatrix(predicted);
-  result.jacobian_b =
-      graph.map_from_node[constraint.from].rotation.conjugate().toRotationMatrix();
+  result.jacobian_b = graph.map_from_node[constraint.from].rotation.conjugate().toRotationMatrix();
   return result;
 }
 

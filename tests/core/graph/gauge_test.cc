@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include <Eigen/Eigenvalues>
-
 #include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
 
 #include "core/graph/space_problem.h"
 #include "core/graph/sparse_optimizer.h"

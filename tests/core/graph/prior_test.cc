@@ -66,8 +66,7 @@ TEST(PriorTest, JacobiansInThePlaneAreTheNumericOnes) {
   for (int trial = 0; trial < 100; ++trial) {
     PoseGraph graph;
     graph.map_from_node = {RandomPose(random, 5.0, kPi)};
-    const PosePrior pose{.map_from_node =
-                             graph.map_from_node[0] * RandomPose(random, 1.0, 1.0)};
+    const PosePrior pose{.map_from_node = graph.map_from_node[0] * RandomPose(random, 1.0, 1.0)};
     EXPECT_EQ(Linearised(graph, pose).error, ErrorOf(graph, pose));
     ExpectNumericJacobian(graph, pose, Linearised(graph, pose).jacobian);
     const PositionPrior position{.node_in_map = RandomPose(random, 5.0, kPi).translation()};
@@ -182,8 +181,10 @@ TEST(PriorTest, AKernelKeepsOneWrongFixFromBendingTheMap) {
   AddPriors(212, graph);
   PoseGraph wrong = graph;
   wrong.position_priors.push_back(
-      {17, graph.map_from_node[17].translation() + Eigen::Vector2d(60.0, 0.0),
-       Eigen::Matrix2d::Identity(), true});
+      {17,
+       graph.map_from_node[17].translation() + Eigen::Vector2d(60.0, 0.0),
+       Eigen::Matrix2d::Identity(),
+       true});
   PoseGraph bent = wrong;
   OptimizeSparse(graph, SparseOptions{});
   OptimizeSparse(bent, SparseOptions{});

@@ -99,10 +99,10 @@ inline void AddPriors(std::uint64_t seed, SpaceGraph& graph) {
   RandomSequence random(seed);
   for (std::uint32_t i = 0; i < graph.map_from_node.size(); ++i) {
     if (i % 3 == 0) {
-      graph.position_priors.push_back({i,
-                                       graph.map_from_node[i].translation +
-                                           RandomPose3(random, 0.5, 0.0).translation,
-                                       RandomSpaceInformation<3>(random)});
+      graph.position_priors.push_back(
+          {i,
+           graph.map_from_node[i].translation + RandomPose3(random, 0.5, 0.0).translation,
+           RandomSpaceInformation<3>(random)});
     }
     if (i % 5 == 0) {
       const Pose3 node_from_sensor = RandomPose3(random, 1.0, 1.0);
