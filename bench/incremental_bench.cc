@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+// A pose graph that grows pose by pose, at its optimum after each.
+//
+//   incremental_bench [--tiny]
+//
+// Processor time of one thread per pose: mean, median, 95 %, 99 % and largest, beside the time that
+// Ceres takes for one batch solve of the whole graph in the same run (from odometry, or from the
+// tree). At 20 checkpoints the result is held against the batch optimum of what is there so far.
+// Reads the public graphs (tests/support/datasets.h) and skips those that are missing.
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "bench/contestants.h"
+#include "bench/interleaved.h"
+#include "core/graph/g2o_format.h"
+#include "core/graph/graph_start.h"
+#include "core/graph/incremental_optimizer.h"
+#include "core/graph/sparse_optimizer.h"
+#include "tests/core/graph/random_graph.h"
+#include "tests/support/datasets.h"
+#ifdef LOCI_HAVE_CERES
+#include "tests/support/ceres_graph.h"
+#endif
+
+namespace loci {
+namespace {
+
+constexpr double kNear = 1.001;
+constexpr std::size_t kCheckpoints = 20;
+
+// The constraints of each node to those before it.
+std::vector<std::vector<GraphConstraint>> ByLaterNode(const PoseGraph& graph) {
+  std::vector<std::vector<GraphConstraint>> constraints(graph.map_from_node.size());
+  for (const GraphConstraint& constraint : graph.constraints) {
+    constraints[std::max(constraint.from, constraint.to)].push_back(constraint);
+  }
+  return constraints;
+}
+
+// Where a new node is, by its constraint to the latest node before it.
+Pose2 PlacedBy(const std::vector<GraphConstraint>& constraints,
+               std::uint32_t node,
+               const Pose2& given,
+               const IncrementalOptimizer& optimizer) {
+  if (constraints.empty()) {
+    return given;
+  }
+  const auto latest = std::max_element(
+      constraints.begin(),
+      constraints.end(),
+      [](const GraphConstraint& a, const GraphConstraint& b) {
+        return std::min(a.from, a.to) < std::min(b.from, b.to);
+      });
+  return latest->to == node
+             ? optimizer.map_from_node(latest->from) * latest->from_from_to
+             : optimizer.map_from_node(latest->to) * Inverse(latest->from_from_to);
+}
+
+void Measure(const std::string& name, const PoseGraph& whole) {
+  const std::vector<std::vector<GraphConstraint>> constraints = ByLaterNode(whole);
+  IncrementalOptimizer optimizer((IncrementalOptions()));
+  std::vector<double> seconds;
+  double worst = 1.0;
+  const std::size_t count = whole.map_from_node.size();
+  for (std::uint32_t node = 0; node < count; ++node) {
+    const double begin = ThreadSeconds();
+    optimizer.AddNode(PlacedBy(constraints[node], node, whole.map_from_node[node], optimizer),
+                      false);
+    for (const GraphConstraint& constraint : constraints[node]) {
+      optimizer.AddConstraint(constraint);
+    }
+    optimizer.Update();
+    seconds.push_back(ThreadSeconds() - begin);
+    if ((node + 1) * kCheckpoints % count < kCheckpoints && node + 1 < count) {
+      PoseGraph graph = optimizer.Graph();
+      const double chi2 = Chi2(graph);
+      worst = std::max(worst, chi2 / OptimizeSparse(graph, SparseOptions{}).chi2_after);
+    }
+  }
+  PoseGraph last = optimizer.Graph();
+  const double chi2 = Chi2(last);
+  const double optimum = OptimizeSparse(last, SparseOptions{}).chi2_after;
+  double total = 0.0;
+  for (const double each : seconds) {
+    total += each;
+  }
+  std::sort(seconds.begin(), seconds.end());
+  const auto quantile = [&](std::size_t percent) {
+    return 1e3 * seconds[std::min(count - 1, count * percent / 100)];
+  };
+  std::printf(
+      "%-24s total %7.3f s   mean %.3f  median %.3f  95 %% %.3f  99 %% %.3f  max %.3f ms   "
+      "chi2 %.6g, %.5f of the optimum; worst prefix %.5f\n",
+      name.c_str(),
+      total,
+      1e3 * total / static_cast<double>(count),
+      quantile(50),
+      quantile(95),
+      quantile(99),
+      quantile(100),
+      chi2,
+      chi2 / optimum,
+      worst);
+#ifdef LOCI_HAVE_CERES
+  std::vector<double> ceres;
+  for (int round = 0; round < 5; ++round) {
+    PoseGraph graph = whole;
+    const double begin = ThreadSeconds();
+    SolveByCeres(graph, kNear * optimum);
+    ceres.push_back(ThreadSeconds() - begin);
+  }
+  std::sort(ceres.begin(), ceres.end());
+  std::printf("%-24s one batch solve by Ceres %.1f ms: total / that %.2f, 95 %% / that %.4f, "
+              "max / that %.4f\n",
+              name.c_str(),
+              1e3 * ceres[2],
+              total / ceres[2],
+              1e-3 * quantile(95) / ceres[2],
+              1e-3 * quantile(100) / ceres[2]);
+#endif
+}
+
+void RunAll() {
+  for (const auto& [name, start] :
+       {std::pair<std::string, GraphStart>{"manhattanOlson3500", GraphStart::kGiven},
+        {"city10000", GraphStart::kTree}}) {
+    const StatusOr<std::string> text = ReadDataset("graphs/" + name + ".g2o.gz");
+    if (!text.ok()) {
+      std::printf("skipped: %s\n", text.status().message().c_str());
+      continue;
+    }
+    StatusOr<G2oGraph> parsed = ParseG2o(*text);
+    if (!parsed.ok()) {
+      std::printf("%s: %s\n", name.c_str(), parsed.status().ToString().c_str());
+      continue;
+    }
+    PlaceAtStart(start, parsed->plane);
+    Measure(name, parsed->plane);
+  }
+}
+
+}  // namespace
+}  // namespace loci
+
+int main(int argc, char** argv) {
+  if (loci::IsTiny(argc, argv)) {
+    loci::Measure("random loops", loci::RandomLoopGraph(1, 200));
+  } else {
+    loci::RunAll();
+  }
+  return 0;
+}
