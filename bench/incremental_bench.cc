@@ -49,15 +49,13 @@ Pose2 PlacedBy(const std::vector<GraphConstraint>& constraints,
   if (constraints.empty()) {
     return given;
   }
-  const auto latest = std::max_element(
-      constraints.begin(),
-      constraints.end(),
-      [](const GraphConstraint& a, const GraphConstraint& b) {
-        return std::min(a.from, a.to) < std::min(b.from, b.to);
-      });
-  return latest->to == node
-             ? optimizer.map_from_node(latest->from) * latest->from_from_to
-             : optimizer.map_from_node(latest->to) * Inverse(latest->from_from_to);
+  const auto latest = std::max_element(constraints.begin(),
+                                       constraints.end(),
+                                       [](const GraphConstraint& a, const GraphConstraint& b) {
+                                         return std::min(a.from, a.to) < std::min(b.from, b.to);
+                                       });
+  return latest->to == node ? optimizer.map_from_node(latest->from) * latest->from_from_to
+                            : optimizer.map_from_node(latest->to) * Inverse(latest->from_from_to);
 }
 
 void Measure(const std::string& name, const PoseGraph& whole) {
@@ -114,13 +112,14 @@ void Measure(const std::string& name, const PoseGraph& whole) {
     ceres.push_back(ThreadSeconds() - begin);
   }
   std::sort(ceres.begin(), ceres.end());
-  std::printf("%-24s one batch solve by Ceres %.1f ms: total / that %.2f, 95 %% / that %.4f, "
-              "max / that %.4f\n",
-              name.c_str(),
-              1e3 * ceres[2],
-              total / ceres[2],
-              1e-3 * quantile(95) / ceres[2],
-              1e-3 * quantile(100) / ceres[2]);
+  std::printf(
+      "%-24s one batch solve by Ceres %.1f ms: total / that %.2f, 95 %% / that %.4f, "
+      "max / that %.4f\n",
+      name.c_str(),
+      1e3 * ceres[2],
+      total / ceres[2],
+      1e-3 * quantile(95) / ceres[2],
+      1e-3 * quantile(100) / ceres[2]);
 #endif
 }
 

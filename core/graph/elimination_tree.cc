@@ -347,12 +347,8 @@ void EliminationTree::RemoveAffected() {
   affected_.clear();
 }
 
-// Adds a matrix over some variables, with its right-hand side, to a front that has them all.
-void EliminationTree::Scatter(std::span<const std::uint32_t> variables,
-                              const double* values,
-                              std::ptrdiff_t stride,
-                              std::ptrdiff_t right_row,
-                              Front& front) {
+// Where the variables' rows go in the front at hand; neighbours that stay neighbours are one run.
+void EliminationTree::FindRuns(std::span<const std::uint32_t> variables) {
   runs_.clear();
   std::ptrdiff_t source = 0;
   for (const std::uint32_t variable : variables) {
@@ -365,27 +361,33 @@ void EliminationTree::Scatter(std::span<const std::uint32_t> variables,
     }
     source += size;
   }
+}
+
+// Adds a matrix over some variables, with its right-hand side, to a front that has them all.
+void EliminationTree::Scatter(std::span<const std::uint32_t> variables,
+                              const double* values,
+                              std::ptrdiff_t stride,
+                              std::ptrdiff_t right_row,
+                              Front& front) {
+  FindRuns(variables);
   const std::ptrdiff_t front_stride = StrideOf(front.size);
   for (std::size_t c = 0; c < runs_.size(); ++c) {
-    const Run& column_run = runs_[c];
-    for (std::ptrdiff_t j = 0; j < column_run.count; ++j) {
-      const double* from = values + (column_run.source + j) * stride;
-      double* to = front.values.data() + (column_run.target + j) * front_stride;
-      for (std::ptrdiff_t i = j; i < column_run.count; ++i) {
-        to[column_run.target + i] += from[column_run.source + i];
+    const Run& run = runs_[c];
+    for (std::ptrdiff_t j = 0; j < run.count; ++j) {
+      const double* from = values + (run.source + j) * stride;
+      double* to = front.values.data() + (run.target + j) * front_stride;
+      for (std::ptrdiff_t i = j; i < run.count; ++i) {
+        to[run.target + i] += from[run.source + i];
       }
       for (std::size_t r = c + 1; r < runs_.size(); ++r) {
-        const Run& row_run = runs_[r];
-        if (row_run.target > column_run.target) {
-          for (std::ptrdiff_t i = 0; i < row_run.count; ++i) {
-            to[row_run.target + i] += from[row_run.source + i];
-          }
-        } else {
-          double* mirrored =
-              front.values.data() + row_run.target * front_stride + column_run.target + j;
-          for (std::ptrdiff_t i = 0; i < row_run.count; ++i) {
-            mirrored[i * front_stride] += from[row_run.source + i];
-          }
+        // Below the diagonal, or mirrored to there.
+        const bool below = runs_[r].target > run.target;
+        double* first = below
+                            ? to + runs_[r].target
+                            : front.values.data() + runs_[r].target * front_stride + run.target + j;
+        const std::ptrdiff_t step = below ? 1 : front_stride;
+        for (std::ptrdiff_t i = 0; i < runs_[r].count; ++i) {
+          first[i * step] += from[runs_[r].source + i];
         }
       }
       to[front.size] += from[right_row];

@@ -111,6 +111,7 @@ class EliminationTree {
   void RemoveAffected();
   std::uint32_t NewFront();
   bool EliminateFront(std::uint32_t front);
+  void FindRuns(std::span<const std::uint32_t> variables);
   void Scatter(std::span<const std::uint32_t> variables,
                const double* values,
                std::ptrdiff_t stride,
