@@ -19,6 +19,7 @@
 #include <CLI/CLI.hpp>
 
 #include "server/base/mutex.h"
+#include "server/rpc/frame.h"
 #include "server/server.h"
 
 namespace {
@@ -37,6 +38,7 @@ void StartLog(bool verbose) {
   logger->set_level(verbose ? spdlog::level::debug : spdlog::level::info);
   logger->flush_on(spdlog::level::info);
   spdlog::set_default_logger(logger);
+  loci::SilenceParser();
 }
 
 // Signals that end the server are waited for by one thread; a full disk or a lost peer is an error

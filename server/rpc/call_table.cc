@@ -60,6 +60,13 @@ void CallTable::EndAll() {
   }
 }
 
+void CallTable::StopWorkers() {
+  pool_.Stop();
+  Peers dropped;  // destroyed without the lock: tasks that waited for their turn hold calls
+  const MutexLock lock(mutex_);
+  dropped.swap(peers_);
+}
+
 bool CallTable::HearFrom(const PeerId& peer, TimePoint now) {
   const MutexLock lock(mutex_);
   auto found = peers_.find(peer);

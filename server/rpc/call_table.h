@@ -40,7 +40,8 @@ class CallTable : public std::enable_shared_from_this<CallTable> {
   void EndAll();
   // No message is sent any more.
   void Detach();
-  void StopWorkers() { pool_.Stop(); }
+  // Waits for the tasks that run and drops those that wait, with all that is known of peers.
+  void StopWorkers();
 
   // Notes that the peer lives. False: it leaves too much unread, and what it asks is ignored.
   bool HearFrom(const PeerId& peer, TimePoint now);

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include <google/protobuf/stubs/logging.h>
+
 namespace loci {
 namespace {
 
@@ -57,6 +59,10 @@ v1::Envelope Envelope(v1::FrameKind kind, std::uint64_t call_id) {
 }
 
 }  // namespace
+
+void SilenceParser() {
+  google::protobuf::SetLogHandler(nullptr);
+}
 
 std::optional<v1::Envelope> ParseEnvelope(std::string_view bytes) {
   v1::Envelope envelope;

@@ -18,6 +18,10 @@ inline constexpr std::uint32_t kProtocolVersion = 1;
 inline constexpr std::size_t kEnvelopeMaxBytes = std::size_t{16} << 10U;
 inline constexpr std::size_t kStatusMessageMaxBytes = std::size_t{4} << 10U;
 
+// Ends what Protocol Buffers prints of its own accord, for the whole process: a line for every
+// string that is no UTF-8, with which any peer could fill a disk. What does not parse is counted.
+void SilenceParser();
+
 // Nothing if the bytes are no envelope.
 std::optional<v1::Envelope> ParseEnvelope(std::string_view bytes);
 

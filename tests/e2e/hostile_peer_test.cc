@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Peers that mean harm, on both ports: they get an answer or the door, and the server goes on.
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstdint>
@@ -12,6 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "core/base/random.h"
+#include "tests/support/frame_peer.h"
 #include "tests/support/programs.h"
 
 namespace loci {
@@ -151,6 +153,31 @@ TEST_F(HostilePeerTest, RandomFramesOfAGreetedPeerNeverEndTheServer) {
     }
   }
   ExpectServing();
+}
+
+class HostilePeerLogTest : public ProgramsTest {};
+
+TEST_F(HostilePeerLogTest, WhatAPeerSendsDoesNotFillTheLog) {
+  testing::internal::CaptureStderr();
+  StartServer();
+  FramePeer peer(server().endpoint());
+  v1::Envelope envelope;
+  envelope.set_protocol_version(1);
+  envelope.set_kind(v1::FRAME_KIND_PING);
+  envelope.set_call_id(1);
+  const std::string ping = envelope.SerializeAsString();
+  envelope.set_method("m");
+  std::string no_text = envelope.SerializeAsString();
+  no_text.back() = '\xff';
+  for (int i = 0; i < 100; ++i) {
+    peer.Send({no_text, ""});
+  }
+  peer.Send({ping, ""});
+  EXPECT_EQ(peer.Receive().kind(), v1::FRAME_KIND_PONG);  // all before it was read
+  EXPECT_EQ(server().End(SIGTERM), 0);
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_THAT(log, testing::HasSubstr("event=stopped"));
+  EXPECT_LT(std::count(log.begin(), log.end(), '\n'), 50) << log;
 }
 
 }  // namespace

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/rpc/frame.h"
 
+#include <algorithm>
+#include <optional>
+#include <string>
+
 #include <gtest/gtest.h>
 
 #include "core/base/random.h"
@@ -45,6 +49,7 @@ TEST(FrameTest, AnEnvelopeOverItsLimitIsNone) {
 }
 
 TEST(FrameTest, DamagedAndCutEnvelopesAreReadWholeOrNotAtAll) {
+  SilenceParser();
   const std::string whole = Request().SerializeAsString();
   RandomSequence random(21);
   int refused = 0;

@@ -127,7 +127,12 @@ class ZmqTransportTest : public testing::Test {
       : server_(Wire::kZmq, RpcServer::Serve, nullptr, std::move(options)) {}
   std::string endpoint() { return server_.transport().endpoint(); }
   const TransportCounters& counters() { return server_.transport().counters(); }
-  void ExpectServes() { EXPECT_THAT(server_.Connect()->Call<Response>(kCheck, Request()), IsOk()); }
+  // Perhaps not the first time: a client that this machine is too busy for greets too slowly, and
+  // is cut as it should be.
+  void ExpectServes() {
+    EXPECT_TRUE(
+        Eventually([&] { return server_.Connect()->Call<Response>(kCheck, Request()).ok(); }));
+  }
   RpcServer server_;
 };
 
