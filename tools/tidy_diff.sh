@@ -9,7 +9,7 @@ usage() {
 usage: tools/tidy_diff.sh [BASE]
 
 Lints the .cc files changed since BASE (a commit; default: the branch point from main, or the last
-commit when this is main). LOCI_TIDY_SECONDS bounds the time (600), LOCI_TIDY_FILES the number (40).
+commit when this is main). LOCI_TIDY_SECONDS bounds the time (300), LOCI_TIDY_FILES the number (40).
 TEXT
 }
 case "${1:-}" in
@@ -17,7 +17,7 @@ case "${1:-}" in
 esac
 
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-seconds_max=${LOCI_TIDY_SECONDS:-600}
+seconds_max=${LOCI_TIDY_SECONDS:-300}
 files_max=${LOCI_TIDY_FILES:-40}
 
 base=${1:-}
