@@ -14,7 +14,7 @@ using Vector4 [[gnu::vector_size(32)]] = double;
 // Columns that are eliminated before the rest of the front is brought up to date.
 constexpr std::ptrdiff_t kPanelColumns = 16;
 
-// Macro-free inlining into functions for different processors.
+// Inlined into functions for different processors, as all that follows.
 [[gnu::always_inline]] inline void Load(const double* from, Vector4& to) {
   std::memcpy(&to, from, sizeof(to));
 }
@@ -148,10 +148,6 @@ template <std::size_t kVectors>
   return true;
 }
 
-bool EliminatePlain(double* front, std::ptrdiff_t size, std::ptrdiff_t columns) {
-  return Eliminate<1>(front, size, columns);
-}
-
 #ifdef __x86_64__
 [[gnu::target("avx2")]] bool EliminateAvx2(double* front,
                                            std::ptrdiff_t size,
@@ -162,6 +158,10 @@ bool EliminatePlain(double* front, std::ptrdiff_t size, std::ptrdiff_t columns) 
 
 }  // namespace
 
+bool EliminateColumnsPlainly(double* front, std::ptrdiff_t size, std::ptrdiff_t columns) {
+  return Eliminate<1>(front, size, columns);
+}
+
 bool EliminateColumns(double* front, std::ptrdiff_t size, std::ptrdiff_t columns) {
 #ifdef __x86_64__
   static const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
@@ -169,7 +169,7 @@ bool EliminateColumns(double* front, std::ptrdiff_t size, std::ptrdiff_t columns
     return EliminateAvx2(front, size, columns);
   }
 #endif
-  return EliminatePlain(front, size, columns);
+  return EliminateColumnsPlainly(front, size, columns);
 }
 
 void SolveColumns(const double* front, std::ptrdiff_t size, std::ptrdiff_t columns, double* x) {

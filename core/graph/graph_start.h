@@ -14,7 +14,8 @@ enum class GraphStart : std::uint8_t {
   kGiven,     // the poses as they are, often raw odometry
   kTree,      // composed along the breadth-first tree: drifts by the depth of the tree only
   kSwept,     // the tree's, after sweeps of gradient descent
-  kPrefixes,  // node by node in the order of their index, as if the graph had just been recorded
+  kPrefixes,  // node by node in the order of their index, as if the graph had just been recorded;
+              // priors and fixed points play no part until the whole is optimised
 };
 
 // "given", "tree", "swept", "prefixes".

@@ -11,44 +11,6 @@
 #include "core/graph/plane_problem.h"
 
 namespace loci {
-namespace {
-
-// Writes a pair's quadratic term: H = J^T W J, b = -J^T W e; a block that is held is left out.
-template <int kError, int kSizeA, int kSizeB>
-void WriteTerm(const LinearisedPair<kError, kSizeA, kSizeB>& linearised,
-               const Eigen::Matrix<double, kError, kError>& weight,
-               bool has_a,
-               bool has_b,
-               double* values) {
-  constexpr int kSize = kSizeA + kSizeB;
-  Eigen::Matrix<double, kError, kSize> jacobian;
-  jacobian << linearised.jacobian_a, linearised.jacobian_b;
-  const Eigen::Matrix<double, kSize, kError> weighted = jacobian.transpose() * weight;
-  const Eigen::Matrix<double, kSize, kSize> h = weighted * jacobian;
-  const Eigen::Matrix<double, kSize, 1> b = -(weighted * linearised.error);
-  const int begin = has_a ? 0 : kSizeA;
-  const int end = has_b ? kSize : kSizeA;
-  const int stride = end - begin + 1;
-  for (int column = begin; column < end; ++column) {
-    double* to = values + static_cast<std::ptrdiff_t>(column - begin) * stride;
-    for (int row = column; row < end; ++row) {
-      to[row - begin] = h(row, column);
-    }
-    to[end - begin] = b(column);
-  }
-}
-
-}  // namespace
-
-IncrementalOptions ExactOptions() {
-  IncrementalOptions options;
-  options.relinearise_m = 1e-9;
-  options.relinearise_rad = 1e-9;
-  options.iterations_max = 100;
-  options.step_min = 0.0;
-  return options;
-}
-
 IncrementalOptimizer::IncrementalOptimizer(const IncrementalOptions& options) : options_(options) {}
 
 std::uint32_t IncrementalOptimizer::AddVariable(int size, Owner owner) {
@@ -286,30 +248,29 @@ void IncrementalOptimizer::MakePointTerm(std::uint32_t index) {
 }
 
 void IncrementalOptimizer::SetTerm(std::uint32_t index) {
-  if (terms_[index] == kNone) {
-    return;
+  if (terms_[index] != kNone) {
+    const GraphConstraint& constraint = graph_.constraints[index];
+    WriteConstraint(constraint, !nodes_[constraint.to].held, terms_[index]);
   }
-  const GraphConstraint& constraint = graph_.constraints[index];
-  const auto linearised = Linearised(graph_, constraint);
-  const double chi2 = linearised.error.dot(constraint.information * linearised.error);
-  const double weight = constraint.robust ? options_.kernel.Weight(chi2) : 1.0;
-  WriteTerm<3, 3, 3>(linearised,
-                     weight * constraint.information,
-                     !nodes_[constraint.from].held,
-                     !nodes_[constraint.to].held,
-                     tree_.SetTerm(terms_[index]));
 }
 
 void IncrementalOptimizer::SetPointTerm(std::uint32_t index) {
-  const PointConstraint& constraint = graph_.point_constraints[index];
+  WriteConstraint(graph_.point_constraints[index], true, point_terms_[index]);
+}
+
+// As it is at the present linearisation, with the kernel's weight there.
+template <typename Constraint>
+void IncrementalOptimizer::WriteConstraint(const Constraint& constraint,
+                                           bool second_is_free,
+                                           std::uint32_t term) {
   const auto linearised = Linearised(graph_, constraint);
   const double chi2 = linearised.error.dot(constraint.information * linearised.error);
   const double weight = constraint.robust ? options_.kernel.Weight(chi2) : 1.0;
-  WriteTerm<2, 3, 2>(linearised,
-                     weight * constraint.information,
-                     !nodes_[constraint.from].held,
-                     true,
-                     tree_.SetTerm(point_terms_[index]));
+  WriteTerm(linearised,
+            (weight * constraint.information).eval(),
+            !nodes_[constraint.from].held,
+            second_is_free,
+            tree_.SetTerm(term));
 }
 
 // Linearisation at the present value, which is 0 from there. Its terms must be set after that.

@@ -23,15 +23,12 @@ struct IncrementalOptions {
   RobustKernel kernel;  // for constraints marked robust
 };
 
-// As exact as the optimum of a batch: for tests, and before something is kept for ever.
-IncrementalOptions ExactOptions();
-
 struct UpdateSummary {
   int iterations = 0;
   std::size_t eliminated = 0;    // nodes and points, in all steps
   std::size_t relinearised = 0;  // the same
   bool converged = false;        // nothing is left to be linearised again
-  bool determined = true;  // false: something is not tied in all directions, and nothing has moved
+  bool determined = true;  // false: something is not tied in all directions; no step was taken
 };
 
 // Gauss-Newton, incrementally (Kaess et al., iSAM2, IJRR 2012): only what a new constraint concerns
@@ -101,6 +98,8 @@ class IncrementalOptimizer {
   void MakePointTerm(std::uint32_t constraint);
   void SetTerm(std::uint32_t constraint);
   void SetPointTerm(std::uint32_t constraint);
+  template <typename Constraint>
+  void WriteConstraint(const Constraint& constraint, bool second_is_free, std::uint32_t term);
   void RemakeTermsOf(std::uint32_t node);
   void Settle(std::uint32_t variable);
   bool HasMoved(std::uint32_t variable) const;

@@ -22,12 +22,7 @@ void AddPrior(const LinearisedPrior<kError, kSize>& linearised,
               const Eigen::Matrix<double, kError, kError>& weight,
               std::uint32_t block,
               NormalEquations& equations) {
-  if (block == kHeldBlock) {
-    return;
-  }
-  const Eigen::Matrix<double, kSize, kError> weighted = linearised.jacobian.transpose() * weight;
-  equations.AddDiagonal<kSize>(block, weighted * linearised.jacobian);
-  equations.AddGradient<kSize>(block, weighted * linearised.error);
+  AddSingle(linearised.error, linearised.jacobian, weight, block, equations);
 }
 
 }  // namespace loci

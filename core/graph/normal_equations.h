@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "core/graph/elimination_tree.h"
+#include "core/graph/linearised_pair.h"
 
 namespace loci {
 
@@ -26,7 +27,7 @@ inline constexpr std::uint32_t kHeldBlock = 0xFFFFFFFFU;
 // depend on no BLAS (design.md, section 3).
 class NormalEquations {
  public:
-  // `pairs` in the order in which SetPair names them; they may be there more than once.
+  // `pairs` in the order in which PairValues names them; they may be there more than once.
   NormalEquations(const std::vector<int>& block_sizes, const std::vector<BlockPair>& pairs);
   NormalEquations(const NormalEquations&) = delete;
   NormalEquations& operator=(const NormalEquations&) = delete;
@@ -56,21 +57,9 @@ class NormalEquations {
     }
   }
 
-  // Sets the symmetric matrix over both blocks of a pair, `row` before `column`, and what belongs
-  // to it of the gradient. After Clear, every pair must be set.
-  template <int kSize>
-  void SetPair(std::size_t pair,
-               const Eigen::Matrix<double, kSize, kSize>& matrix,
-               const Eigen::Matrix<double, kSize, 1>& vector) {
-    double* values = tree_.TermValues(pair_term_[pair]);
-    for (int column = 0; column < kSize; ++column) {
-      double* to = values + column * (kSize + 1);
-      for (int row = column; row < kSize; ++row) {
-        to[row] = matrix(row, column);
-      }
-      to[kSize] = -vector(column);
-    }
-  }
+  // The term of a pair, `row` before `column`, to be written (EliminationTree::SetTerm). After
+  // Clear, every pair must be.
+  double* PairValues(std::size_t pair) { return tree_.TermValues(pair_term_[pair]); }
 
   // Factorises H + damping * D, where D is H's diagonal (an entry of it is at
   // least 1e-9 of the largest). False if that is not positive definite.
@@ -98,16 +87,22 @@ class NormalEquations {
   Eigen::VectorXd damping_;  // what Factor has added to the diagonal
 };
 
-template <int kError, int kSizeA, int kSizeB>
-struct LinearisedPair {
-  Eigen::Matrix<double, kError, 1> error;
-  Eigen::Matrix<double, kError, kSizeA> jacobian_a;
-  Eigen::Matrix<double, kError, kSizeB> jacobian_b;
-};
+// Adds J^T W J and J^T W e of an error that depends on one block; nothing if that is kHeldBlock.
+template <int kError, int kSize>
+void AddSingle(const Eigen::Matrix<double, kError, 1>& error,
+               const Eigen::Matrix<double, kError, kSize>& jacobian,
+               const Eigen::Matrix<double, kError, kError>& weight,
+               std::uint32_t block,
+               NormalEquations& equations) {
+  if (block == kHeldBlock) {
+    return;
+  }
+  const Eigen::Matrix<double, kSize, kError> weighted = jacobian.transpose() * weight;
+  equations.AddDiagonal<kSize>(block, weighted * jacobian);
+  equations.AddGradient<kSize>(block, weighted * error);
+}
 
-// Adds what a constraint between two variables contributes to H and g: with e the error, J_a and
-// J_b its Jacobians and W the weighted information, J^T W J and J^T W e. A block of kHeldBlock is
-// left out.
+// The same of a constraint between two blocks, either of which may be kHeldBlock.
 template <int kError, int kSizeA, int kSizeB>
 void AddPair(const LinearisedPair<kError, kSizeA, kSizeB>& linearised,
              const Eigen::Matrix<double, kError, kError>& weight,
@@ -116,24 +111,11 @@ void AddPair(const LinearisedPair<kError, kSizeA, kSizeB>& linearised,
              std::size_t pair,
              NormalEquations& equations) {
   if (block_a != kHeldBlock && block_b != kHeldBlock) {
-    Eigen::Matrix<double, kError, kSizeA + kSizeB> jacobian;
-    jacobian << linearised.jacobian_a, linearised.jacobian_b;
-    const Eigen::Matrix<double, kSizeA + kSizeB, kError> weighted = jacobian.transpose() * weight;
-    equations.SetPair<kSizeA + kSizeB>(pair, weighted * jacobian, weighted * linearised.error);
+    WriteTerm(linearised, weight, true, true, equations.PairValues(pair));
     return;
   }
-  const auto add = [&](const auto& jacobian, std::uint32_t block) {
-    constexpr int kSize = std::decay_t<decltype(jacobian)>::ColsAtCompileTime;
-    const Eigen::Matrix<double, kSize, kError> weighted = jacobian.transpose() * weight;
-    equations.AddDiagonal<kSize>(block, weighted * jacobian);
-    equations.AddGradient<kSize>(block, weighted * linearised.error);
-  };
-  if (block_a != kHeldBlock) {
-    add(linearised.jacobian_a, block_a);
-  }
-  if (block_b != kHeldBlock) {
-    add(linearised.jacobian_b, block_b);
-  }
+  AddSingle(linearised.error, linearised.jacobian_a, weight, block_a, equations);
+  AddSingle(linearised.error, linearised.jacobian_b, weight, block_b, equations);
 }
 
 }  // namespace loci

@@ -13,6 +13,7 @@
 #include <Eigen/LU>
 
 #include "core/base/random.h"
+#include "core/graph/dense_front.h"
 
 namespace loci {
 namespace {
@@ -207,6 +208,30 @@ TEST(EliminationTreeTest, LargeFrontsEqualTheDenseSolutionToo) {
   ASSERT_TRUE(problem.tree().Eliminate({}));
   problem.ExpectDenseSolution();
   problem.ExpectDenseInverse(random);
+}
+
+TEST(EliminationTreeTest, AFrontHasTheSameBitsOnEveryProcessor) {
+  RandomSequence random(17);
+  for (std::ptrdiff_t size = 1; size <= 70; ++size) {
+    const std::ptrdiff_t stride = StrideOf(size);
+    std::vector<double> front(static_cast<std::size_t>(stride * size), 0.0);
+    for (std::ptrdiff_t column = 0; column < size; ++column) {
+      for (std::ptrdiff_t row = column; row <= size; ++row) {
+        front[static_cast<std::size_t>(column * stride + row)] = random.NextUniform(-1.0, 1.0);
+      }
+      front[static_cast<std::size_t>(column * stride + column)] += static_cast<double>(size);
+    }
+    std::vector<double> plain = front;
+    const std::ptrdiff_t columns = (size + 1) / 2;
+    ASSERT_TRUE(EliminateColumns(front.data(), size, columns));
+    ASSERT_TRUE(EliminateColumnsPlainly(plain.data(), size, columns));
+    for (std::ptrdiff_t column = 0; column < size; ++column) {
+      for (std::ptrdiff_t row = column; row <= size; ++row) {
+        const auto at = static_cast<std::size_t>(column * stride + row);
+        ASSERT_EQ(front[at], plain[at]) << "size " << size << ", " << row << ", " << column;
+      }
+    }
+  }
 }
 
 TEST(EliminationTreeTest, AnEndOfAChainConcernsOnlyTheEnd) {

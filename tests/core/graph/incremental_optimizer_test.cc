@@ -15,6 +15,16 @@
 namespace loci {
 namespace {
 
+// As exact as a batch.
+IncrementalOptions ExactOptions() {
+  IncrementalOptions options;
+  options.relinearise_m = 1e-9;
+  options.relinearise_rad = 1e-9;
+  options.iterations_max = 100;
+  options.step_min = 0.0;
+  return options;
+}
+
 double OptimumNear(PoseGraph graph) {
   return OptimizeSparse(graph, SparseOptions{}).chi2_after;
 }
