@@ -164,8 +164,11 @@ TEST(PoseGraphTest, ComponentsAreNumberedByTheirLowestNode) {
 }
 
 TEST(RobustKernelTest, WeightIsTheDerivativeOfRho) {
-  for (const RobustKernel::Shape shape :
-       {RobustKernel::Shape::kNone, RobustKernel::Shape::kHuber, RobustKernel::Shape::kCauchy}) {
+  for (const RobustKernel::Shape shape : {RobustKernel::Shape::kNone,
+                                          RobustKernel::Shape::kHuber,
+                                          RobustKernel::Shape::kCauchy,
+                                          RobustKernel::Shape::kGemanMcClure,
+                                          RobustKernel::Shape::kDynamicCovariance}) {
     const RobustKernel kernel{shape, 2.0};
     EXPECT_EQ(kernel.Rho(0.0), 0.0);
     EXPECT_EQ(kernel.Weight(0.0), 1.0);
