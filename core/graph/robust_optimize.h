@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// Optimisation of a pose graph in which constraints marked `robust` may be wrong.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "core/base/status.h"
+#include "core/graph/graph_selection.h"
+#include "core/graph/pose_graph.h"
+#include "core/graph/sparse_optimizer.h"
+
+namespace loci {
+
+// Kernels are cheap and find the map if they start near it; kConsistent starts from nothing but the
+// constraints that are not robust, and is what to take where closures are many and some are wrong.
+enum class RobustMethod : std::uint8_t {
+  kNone,               // all are right
+  kHuber,              // core/graph/robust_kernel.h
+  kCauchy,             // the same
+  kGemanMcClure,       // the same, with graduated non-convexity
+  kDynamicCovariance,  // the same
+  kConsistent,         // core/graph/closure_growth.h
+};
+
+// "none", "huber", "cauchy", "geman-mcclure", "dcs", "consistent".
+std::string_view RobustMethodName(RobustMethod method);
+std::optional<RobustMethod> RobustMethodFromName(std::string_view name);
+
+struct RobustOptions {
+  RobustMethod method = RobustMethod::kConsistent;
+  // Of the last optimisation, over what is accepted; its kernel is not used. Kernels take as many
+  // steps as this too.
+  SparseOptions sparse;
+};
+
+struct RobustSummary {
+  // "before": at the given poses. "after" and `converged`: of the accepted constraints only.
+  OptimizationSummary optimization;
+  GraphSelection accepted;  // with all that is not robust
+  // The part of the stated covariances that kConsistent found the errors to have; 1 elsewhere.
+  double covariance_scale = 1.0;
+};
+
+// Moves `graph` to the optimum over the constraints that it accepts: those that are not robust, and
+// those whose chi2 there passes its gate. Fixed order throughout: the same graph gives the same
+// bits.
+//
+// Kernels begin at the given poses or, where the kernel's cost is lower there, at the poses that
+// follow from the trusted constraints alone. kConsistent begins at those always. It leaves robust
+// point constraints and priors to Geman and McClure's kernel, when the poses are found.
+// Errors: those of ValidateGraph; the graph is unchanged then.
+StatusOr<RobustSummary> OptimizeRobustly(PoseGraph& graph, const RobustOptions& options);
+
+}  // namespace loci
