@@ -2,32 +2,36 @@
 // Starts for an optimisation: poses near enough to the optimum that Gauss-Newton finds it.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 #include "core/graph/pose_graph.h"
+#include "core/graph/space_graph.h"
 
 namespace loci {
 
 enum class GraphStart : std::uint8_t {
-  kGiven,     // the poses as they are, often raw odometry
-  kTree,      // composed along the breadth-first tree: drifts by the depth of the tree only
-  kSwept,     // the tree's, after sweeps of gradient descent
-  kPrefixes,  // node by node in the order of their index, as if the graph had just been recorded;
-              // priors and fixed points play no part until the whole is optimised
+  kGiven,            // the poses as they are: those of the file, most often
+  kOdometry,         // composed from each node to the next, where a constraint joins them
+  kTree,             // composed along the breadth-first tree: drifts by the depth of the tree only
+  kUncertaintyTree,  // composed along the paths of minimum uncertainty (spanning_tree.h)
+  kChordal,          // all constraints at once, relaxed to linear problems (chordal_start.h)
+  kSwept,            // the breadth-first tree's, after sweeps of gradient descent
+  kPrefixes,         // node by node, as if the graph had just been recorded (prefix_start.h)
 };
 
-// "given", "tree", "swept", "prefixes".
+// "file", "odometry", "tree", "uncertainty-tree", "chordal", "swept", "prefixes".
 std::string_view GraphStartName(GraphStart start);
 
-// Puts the free nodes and the points of a valid graph where the start says. The given start places
-// nothing.
-void PlaceAtStart(GraphStart start, PoseGraph& graph);
+// Which starts there are, cheap ones first. In space all but the last two.
+std::span<const GraphStart> StartsFor(const PoseGraph& graph);
+std::span<const GraphStart> StartsFor(const SpaceGraph& graph);
 
-// Places nodes in the order of their index: each by a constraint to an earlier one, then, after
-// every `batch_count` nodes, all so far are optimised. Costs many optimisations, and escapes minima
-// in which every start ends that trusts a long stretch of odometry.
-void PlaceByPrefixes(std::size_t batch_count, PoseGraph& graph);
+// Puts the free nodes and points of a valid graph where the start says, and each component that is
+// tied to the map where its priors say. The given start places nothing. In space the start must be
+// one of StartsFor.
+void PlaceAtStart(GraphStart start, PoseGraph& graph);
+void PlaceAtStart(GraphStart start, SpaceGraph& graph);
 
 }  // namespace loci

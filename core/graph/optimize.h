@@ -4,7 +4,6 @@
 #pragma once
 
 #include "core/base/status.h"
-#include "core/graph/graph_start.h"
 #include "core/graph/pose_graph.h"
 #include "core/graph/sparse_optimizer.h"
 
@@ -21,15 +20,5 @@ struct OptimizeOptions {
 // ends above the cost it began with. Fixed order throughout: the same graph gives the same bits.
 // Errors: those of ValidateGraph; the graph is unchanged then.
 StatusOr<OptimizationSummary> OptimizeGraph(PoseGraph& graph, const OptimizeOptions& options);
-
-struct BestStartSummary {
-  OptimizationSummary optimization;       // "before" is at the given poses
-  GraphStart start = GraphStart::kGiven;  // whose minimum is the lowest
-};
-
-// For graphs of which nothing is known, offline: optimises from every start of GraphStart and keeps
-// the lowest minimum. The start by prefixes, which costs most, is left out where the others
-// converge to one minimum from different poses. Errors: as OptimizeGraph.
-StatusOr<BestStartSummary> OptimizeFromBestStart(PoseGraph& graph, const SparseOptions& options);
 
 }  // namespace loci

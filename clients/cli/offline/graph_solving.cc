@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+// Methods and starts by their names.
+#include "clients/cli/offline/graph_solving.h"
+
+#include <algorithm>
+#include <chrono>
+#include <numeric>
+#include <type_traits>
+#include <utility>
+
+#include "clients/cli/offline/graph_replay.h"
+#include "core/graph/space_problem.h"
+#include "core/graph/toro_optimizer.h"
+#include "core/graph/toro_tree.h"
+
+namespace loci::cli {
+namespace {
+
+// Valleys with a bent floor need many steps; a step costs milliseconds.
+constexpr int kIterationsMax = 1000;
+constexpr std::string_view kAutoStart = "auto";
+
+double NowSeconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+SparseOptions SparseOptionsOf(const SolveRequest& request) {
+  SparseOptions options;
+  options.iterations_max = kIterationsMax;
+  if (request.method == "levenberg-marquardt") {
+    options.method = SparseOptions::Method::kLevenbergMarquardt;
+  }
+  return options;
+}
+
+// Goes to the start of that name; "auto" is the one with the lowest chi2.
+template <typename Graph>
+Status GoToStart(const std::string& wanted, Graph& graph, SolveReport& report) {
+  const double begin_s = NowSeconds();
+  if (wanted == kAutoStart) {
+    report.start = GraphStartName(PlaceAtBestStart(graph));
+  } else {
+    const auto starts = StartsFor(graph);
+    const auto found = std::find_if(starts.begin(), starts.end(), [&](GraphStart start) {
+      return GraphStartName(start) == wanted;
+    });
+    if (found == starts.end()) {
+      return UnimplementedError("--start " + wanted +
+                                ": not for graphs in space (VERTEX_SE3:QUAT)");
+    }
+    PlaceAtStart(*found, graph);
+    report.start = wanted;
+  }
+  report.start_s = NowSeconds() - begin_s;
+  report.chi2_start = Chi2(graph);
+  return {};
+}
+
+template <typename Graph>
+StatusOr<SolveReport> SolveFromAllStarts(const SolveRequest& request, Graph& graph) {
+  BestStartOptions options;
+  options.sparse = SparseOptionsOf(request);
+  options.clock_s = NowSeconds;
+  LOCI_ASSIGN_OR_RETURN(const BestStartSummary best, OptimizeFromBestStart(graph, options));
+  SolveReport report;
+  report.summary = best.optimization;
+  report.start = GraphStartName(best.start);
+  report.attempts = best.attempts;
+  report.start_s = best.start_s;
+  report.solve_s = best.solve_s;
+  for (const StartAttempt& attempt : best.attempts) {
+    if (attempt.start == best.start) {
+      report.chi2_start = attempt.cost_before;
+    }
+  }
+  return report;
+}
+
+template <typename Graph>
+StatusOr<SolveReport> SolveFromOneStart(const SolveRequest& request, Graph& graph) {
+  SolveReport report;
+  const double chi2_before = Chi2(graph);
+  LOCI_RETURN_IF_ERROR(GoToStart(request.start, graph, report));
+  const double begin_s = NowSeconds();
+  report.summary = OptimizeSparse(graph, SparseOptionsOf(request));
+  report.solve_s = NowSeconds() - begin_s;
+  report.summary.chi2_before = chi2_before;
+  return report;
+}
+
+// Descent alone. It begins on the tree unless the poses of the file are better, for what it is good
+// at is what lies between the tree and the optimum.
+StatusOr<SolveReport> SolveByToro(const SolveRequest& request, PoseGraph& graph) {
+  SolveReport report;
+  const double chi2_before = Chi2(graph);
+  std::string start = request.start;
+  if (start == kAutoStart) {
+    PoseGraph by_tree = graph;
+    PlaceAtStart(GraphStart::kTree, by_tree);
+    start = GraphStartName(Chi2(by_tree) < chi2_before ? GraphStart::kTree : GraphStart::kGiven);
+  }
+  LOCI_RETURN_IF_ERROR(GoToStart(start, graph, report));
+  const double begin_s = NowSeconds();
+  ToroOptimizer toro(graph);
+  for (std::uint64_t i = 0; i < request.sweeps; ++i) {
+    toro.Sweep();
+  }
+  graph.map_from_node = toro.Poses();
+  PlacePoints(graph);
+  report.solve_s = NowSeconds() - begin_s;
+  report.summary.iterations = static_cast<int>(request.sweeps);
+  report.summary.chi2_before = chi2_before;
+  report.summary.chi2_after = Chi2(graph);
+  return report;
+}
+
+StatusOr<SolveReport> SolveByToro(const SolveRequest& /*request*/, SpaceGraph& /*graph*/) {
+  return UnimplementedError(
+      "--method toro: not for graphs in space (SE3:QUAT); use auto, gauss-newton or "
+      "levenberg-marquardt");
+}
+
+Status CheckIncremental(const SolveRequest& request) {
+  if (request.method != "auto" && request.method != "gauss-newton") {
+    return InvalidArgumentError("--incremental: is Gauss-Newton, must not come with --method " +
+                                request.method);
+  }
+  if (request.start != kAutoStart) {
+    return InvalidArgumentError(
+        "--incremental: places each node as it comes, must not come with --start");
+  }
+  return {};
+}
+
+// What the thresholds of the incremental optimiser leave, a batch finishes.
+StatusOr<SolveReport> SolveIncrementally(const SolveRequest& request, PoseGraph& graph) {
+  SolveReport report;
+  const double chi2_before = Chi2(graph);
+  report.start = "incremental";
+  LOCI_ASSIGN_OR_RETURN(GraphReplay replay, ReplayGraph(graph, NowSeconds));
+  report.start_s = std::accumulate(replay.step_s.begin(), replay.step_s.end(), 0.0);
+  report.steps = SummariseSteps(std::move(replay.step_s));
+  report.chi2_start = Chi2(graph);
+  const double begin_s = NowSeconds();
+  report.summary = OptimizeSparse(graph, SparseOptionsOf(request));
+  report.solve_s = NowSeconds() - begin_s;
+  report.summary.iterations += replay.iterations;
+  report.summary.chi2_before = chi2_before;
+  return report;
+}
+
+StatusOr<SolveReport> SolveIncrementally(const SolveRequest& /*request*/, SpaceGraph& /*graph*/) {
+  return UnimplementedError(
+      "--incremental: the file has VERTEX_SE3:QUAT; graphs in space are optimised as a whole only");
+}
+
+template <typename Graph>
+StatusOr<SolveReport> SolveAny(const SolveRequest& request, Graph& graph) {
+  LOCI_RETURN_IF_ERROR(ValidateGraph(graph));
+  if (request.method == "ceres") {
+    return UnimplementedError(
+        "--method ceres: this program is built without Ceres, which would bring the terms of the "
+        "GPL (docs/licences.md); the tests hold auto against it");
+  }
+  if (request.incremental) {
+    LOCI_RETURN_IF_ERROR(CheckIncremental(request));
+    return SolveIncrementally(request, graph);
+  }
+  if (request.method == "toro") {
+    return SolveByToro(request, graph);
+  }
+  if (request.method == "auto" && request.start == kAutoStart) {
+    return SolveFromAllStarts(request, graph);
+  }
+  return SolveFromOneStart(request, graph);
+}
+
+}  // namespace
+
+std::vector<std::string> SolveMethods() {
+  return {"auto", "toro", "gauss-newton", "levenberg-marquardt", "ceres"};
+}
+
+std::vector<std::string> SolveStarts() {
+  std::vector<std::string> names = {std::string(kAutoStart)};
+  for (const GraphStart start : StartsFor(PoseGraph{})) {
+    names.emplace_back(GraphStartName(start));
+  }
+  return names;
+}
+
+StepTimes SummariseSteps(std::vector<double> seconds) {
+  StepTimes times;
+  times.count = seconds.size();
+  if (seconds.empty()) {
+    return times;
+  }
+  std::sort(seconds.begin(), seconds.end());
+  const auto at = [&](double part) {
+    return 1e3 * seconds[static_cast<std::size_t>(part * static_cast<double>(seconds.size() - 1))];
+  };
+  times.mean_ms = 1e3 * std::accumulate(seconds.begin(), seconds.end(), 0.0) /
+                  static_cast<double>(seconds.size());
+  times.median_ms = at(0.5);
+  times.p95_ms = at(0.95);
+  times.max_ms = at(1.0);
+  return times;
+}
+
+StatusOr<SolveReport> Solve(const SolveRequest& request, PoseGraph& graph) {
+  return SolveAny(request, graph);
+}
+
+StatusOr<SolveReport> Solve(const SolveRequest& request, SpaceGraph& graph) {
+  return SolveAny(request, graph);
+}
+
+}  // namespace loci::cli
