@@ -148,11 +148,82 @@ template <std::size_t kVectors>
   return true;
 }
 
+// The sums over rows [begin, size) of what kColumns columns from k on say to x.
+template <std::size_t kColumns>
+[[gnu::always_inline]] inline void DotColumns(const double* column,
+                                              std::ptrdiff_t stride,
+                                              std::ptrdiff_t begin,
+                                              std::ptrdiff_t size,
+                                              const double* x,
+                                              double* dots) {
+  Vector4 sums[kColumns] = {};
+  std::ptrdiff_t i = begin;
+  for (; i + 4 <= size; i += 4) {
+    Vector4 y;
+    Load(x + i, y);
+    for (std::size_t c = 0; c < kColumns; ++c) {
+      Vector4 l;
+      Load(column + static_cast<std::ptrdiff_t>(c) * stride + i, l);
+      sums[c] += l * y;
+    }
+  }
+  for (std::size_t c = 0; c < kColumns; ++c) {
+    double sum = (sums[c][0] + sums[c][1]) + (sums[c][2] + sums[c][3]);
+    for (std::ptrdiff_t j = i; j < size; ++j) {
+      sum += column[static_cast<std::ptrdiff_t>(c) * stride + j] * x[j];
+    }
+    dots[c] = sum;
+  }
+}
+
+// Solves columns [k, k + kColumns), of which all rows below are known.
+template <std::size_t kColumns>
+[[gnu::always_inline]] inline void SolveSome(
+    const double* front, std::ptrdiff_t stride, std::ptrdiff_t k, std::ptrdiff_t size, double* x) {
+  constexpr auto kCount = static_cast<std::ptrdiff_t>(kColumns);
+  const double* columns = front + k * stride;
+  double dots[kColumns];
+  DotColumns<kColumns>(columns, stride, k + kCount, size, x, dots);
+  for (std::ptrdiff_t c = kCount - 1; c >= 0; --c) {
+    const double* column = columns + c * stride;
+    double sum = dots[c];
+    for (std::ptrdiff_t r = c + 1; r < kCount; ++r) {
+      sum += column[k + r] * x[k + r];
+    }
+    x[k + c] = (column[size] - sum) / column[k + c];
+  }
+}
+
+[[gnu::always_inline]] inline void SolveAll(const double* front,
+                                            std::ptrdiff_t size,
+                                            std::ptrdiff_t columns,
+                                            double* x) {
+  const std::ptrdiff_t stride = StrideOf(size);
+  std::ptrdiff_t k = columns;
+  for (; k >= 3; k -= 3) {  // a pose in the plane at a time
+    SolveSome<3>(front, stride, k - 3, size, x);
+  }
+  for (; k >= 1; --k) {
+    SolveSome<1>(front, stride, k - 1, size, x);
+  }
+}
+
 #ifdef __x86_64__
 [[gnu::target("avx2")]] bool EliminateAvx2(double* front,
                                            std::ptrdiff_t size,
                                            std::ptrdiff_t columns) {
   return Eliminate<2>(front, size, columns);
+}
+[[gnu::target("avx2")]] void SolveAvx2(const double* front,
+                                       std::ptrdiff_t size,
+                                       std::ptrdiff_t columns,
+                                       double* x) {
+  SolveAll(front, size, columns, x);
+}
+
+bool HasAvx2() {
+  static const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
+  return has_avx2;
 }
 #endif
 
@@ -162,10 +233,16 @@ bool EliminateColumnsPlainly(double* front, std::ptrdiff_t size, std::ptrdiff_t 
   return Eliminate<1>(front, size, columns);
 }
 
+void SolveColumnsPlainly(const double* front,
+                         std::ptrdiff_t size,
+                         std::ptrdiff_t columns,
+                         double* x) {
+  SolveAll(front, size, columns, x);
+}
+
 bool EliminateColumns(double* front, std::ptrdiff_t size, std::ptrdiff_t columns) {
 #ifdef __x86_64__
-  static const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
-  if (has_avx2) {
+  if (HasAvx2()) {
     return EliminateAvx2(front, size, columns);
   }
 #endif
@@ -173,24 +250,13 @@ bool EliminateColumns(double* front, std::ptrdiff_t size, std::ptrdiff_t columns
 }
 
 void SolveColumns(const double* front, std::ptrdiff_t size, std::ptrdiff_t columns, double* x) {
-  const std::ptrdiff_t stride = StrideOf(size);
-  for (std::ptrdiff_t k = columns - 1; k >= 0; --k) {
-    const double* column = front + k * stride;
-    Vector4 sums = {};
-    std::ptrdiff_t i = k + 1;
-    for (; i + 4 <= size; i += 4) {
-      Vector4 l;
-      Vector4 y;
-      Load(column + i, l);
-      Load(x + i, y);
-      sums += l * y;
-    }
-    double sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-    for (; i < size; ++i) {
-      sum += column[i] * x[i];
-    }
-    x[k] = (column[size] - sum) / column[k];
+#ifdef __x86_64__
+  if (HasAvx2()) {
+    SolveAvx2(front, size, columns, x);
+    return;
   }
+#endif
+  SolveColumnsPlainly(front, size, columns, x);
 }
 
 }  // namespace loci

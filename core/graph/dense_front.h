@@ -18,11 +18,15 @@ constexpr std::ptrdiff_t StrideOf(std::ptrdiff_t size) {
 // in a fixed order without fused operations: the same bits on every processor.
 bool EliminateColumns(double* front, std::ptrdiff_t size, std::ptrdiff_t columns);
 
-// The same without AVX2, whatever the processor has: what the fast one is tested against.
-bool EliminateColumnsPlainly(double* front, std::ptrdiff_t size, std::ptrdiff_t columns);
-
 // Solves for the variables of the first `columns` columns of an eliminated front, given those of
 // the rest: L_ff^T x_f = y_f - L_sf^T x_s. `x` has `size` entries, the last of them given.
 void SolveColumns(const double* front, std::ptrdiff_t size, std::ptrdiff_t columns, double* x);
+
+// The same without AVX2, whatever the processor has: what the fast ones are tested against.
+bool EliminateColumnsPlainly(double* front, std::ptrdiff_t size, std::ptrdiff_t columns);
+void SolveColumnsPlainly(const double* front,
+                         std::ptrdiff_t size,
+                         std::ptrdiff_t columns,
+                         double* x);
 
 }  // namespace loci

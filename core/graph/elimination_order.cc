@@ -31,6 +31,7 @@ class Lists {
   std::span<const std::uint32_t> Of(std::uint32_t variable) const {
     return std::span(numbers_).subspan(begin_[variable], begin_[variable + 1] - begin_[variable]);
   }
+  std::size_t size() const { return numbers_.size(); }
 
  private:
   std::vector<std::uint32_t> begin_;
@@ -39,9 +40,14 @@ class Lists {
 
 // The columns of the factor, by their places in the order.
 struct Columns {
-  std::vector<std::vector<std::uint32_t>> below;  // places of what stands below, ascending
-  std::vector<std::uint32_t> first_child;         // in the elimination tree
+  std::vector<std::uint32_t> begin;        // into `rows`; one more than there are columns
+  std::vector<std::uint32_t> rows;         // places of what stands below, ascending
+  std::vector<std::uint32_t> first_child;  // in the elimination tree
   std::vector<std::uint32_t> sibling;
+
+  std::span<const std::uint32_t> Below(std::uint32_t p) const {
+    return std::span(rows).subspan(begin[p], begin[p + 1] - begin[p]);
+  }
 };
 
 Columns FindColumns(const VariableGraph& graph,
@@ -65,12 +71,16 @@ Columns FindColumns(const VariableGraph& graph,
     }
   });
   const auto count = static_cast<std::uint32_t>(order.size());
-  Columns columns{std::vector<std::vector<std::uint32_t>>(count),
-                  std::vector<std::uint32_t>(count, kNone),
-                  std::vector<std::uint32_t>(count, kNone)};
+  Columns columns;
+  columns.begin.reserve(count + 1);
+  columns.begin.push_back(0);
+  columns.rows.reserve(4 * (count + graph.edges.size()));
+  columns.first_child.assign(count, kNone);
+  columns.sibling.assign(count, kNone);
   std::vector<std::uint32_t> seen(count, kNone);
+  std::vector<std::uint32_t> rows;
   for (std::uint32_t p = 0; p < count; ++p) {
-    std::vector<std::uint32_t>& rows = columns.below[p];
+    rows.clear();
     seen[p] = p;
     const auto add = [&](std::uint32_t q) {
       if (seen[q] != p) {
@@ -85,13 +95,16 @@ Columns FindColumns(const VariableGraph& graph,
       }
     }
     for (std::uint32_t c = columns.first_child[p]; c != kNone; c = columns.sibling[c]) {
-      std::for_each(columns.below[c].begin(), columns.below[c].end(), add);
+      const std::span<const std::uint32_t> below = columns.Below(c);
+      std::for_each(below.begin(), below.end(), add);
     }
     std::sort(rows.begin(), rows.end());
     if (!rows.empty()) {
       columns.sibling[p] = columns.first_child[rows.front()];
       columns.first_child[rows.front()] = p;
     }
+    columns.rows.insert(columns.rows.end(), rows.begin(), rows.end());
+    columns.begin.push_back(static_cast<std::uint32_t>(columns.rows.size()));
   }
   return columns;
 }
@@ -112,35 +125,77 @@ bool IsWorthMerging(std::size_t columns, std::size_t rows, double true_entries) 
   return zeros <= (columns <= 8 ? 0.1 : columns <= 16 ? 0.05 : 0.02);
 }
 
-}  // namespace
-
-std::vector<std::uint32_t> EliminationOrder(const VariableGraph& graph,
-                                            std::span<const std::uint32_t> last) {
-  constexpr int kLast = -1;
-  std::vector<int> column(graph.count, 0);
-  for (const std::uint32_t variable : last) {
-    column[variable] = kLast;
-  }
-  std::vector<std::uint32_t> variables;  // of the columns
-  for (std::uint32_t variable = 0; variable < graph.count; ++variable) {
-    if (column[variable] != kLast) {
-      column[variable] = static_cast<int>(variables.size());
-      variables.push_back(variable);
+// The places at which fronts end: a front takes its children in, as they come, where that pays.
+// Gives for every place the end of the front that eliminates it.
+std::vector<std::uint32_t> FindEnds(const Columns& columns) {
+  const auto count = static_cast<std::uint32_t>(columns.first_child.size());
+  std::vector<std::uint32_t> end(count);
+  std::vector<std::uint32_t> size(count, 1);
+  std::vector<double> true_entries(count);
+  for (std::uint32_t p = 0; p < count; ++p) {
+    const std::size_t rows = columns.Below(p).size();
+    end[p] = p;
+    true_entries[p] = 1.0 + static_cast<double>(rows);
+    for (std::uint32_t c = columns.first_child[p]; c != kNone; c = columns.sibling[c]) {
+      const double entries = true_entries[p] + true_entries[c];
+      if (IsWorthMerging(size[p] + size[c], rows, entries)) {
+        end[c] = p;
+        true_entries[p] = entries;
+        size[p] += size[c];
+      }
     }
   }
+  for (std::uint32_t p = count; p-- > 0;) {
+    end[p] = end[end[p]];
+  }
+  return end;
+}
+
+// The ends of fronts in postorder.
+std::vector<std::uint32_t> PostorderOfFronts(const Columns& columns,
+                                             std::span<const std::uint32_t> end) {
+  const auto count = static_cast<std::uint32_t>(end.size());
+  std::vector<std::uint32_t> first_child(count, kNone);
+  std::vector<std::uint32_t> sibling(count, kNone);
+  std::vector<std::uint32_t> stack;
+  for (std::uint32_t p = 0; p < count; ++p) {
+    if (end[p] != p) {
+      continue;
+    }
+    if (columns.Below(p).empty()) {
+      stack.push_back(p);
+    } else {
+      const std::uint32_t parent = end[columns.Below(p).front()];
+      sibling[p] = first_child[parent];
+      first_child[parent] = p;
+    }
+  }
+  // Parents before their children, and each with all that is below it in one piece: turned round.
   std::vector<std::uint32_t> order;
-  order.reserve(graph.count);
-  if (!variables.empty()) {
-    std::vector<Eigen::Triplet<double, int>> entries;
+  order.reserve(count);
+  while (!stack.empty()) {
+    const std::uint32_t p = stack.back();
+    stack.pop_back();
+    order.push_back(p);
+    for (std::uint32_t c = first_child[p]; c != kNone; c = sibling[c]) {
+      stack.push_back(c);
+    }
+  }
+  std::reverse(order.begin(), order.end());
+  return order;
+}
+
+// The symmetric pattern's lower triangle over the variables that have a column.
+Eigen::SparseMatrix<float> PatternOf(const VariableGraph& graph,
+                                     std::span<const int> column,
+                                     int count) {
+  const Lists joined(static_cast<std::size_t>(count), [&](const auto& add) {
     const auto join = [&](std::uint32_t a, std::uint32_t b) {
-      if (column[a] != kLast && column[b] != kLast) {
-        entries.emplace_back(column[a], column[b], 1.0);
-        entries.emplace_back(column[b], column[a], 1.0);
+      if (column[a] >= 0 && column[b] >= 0) {
+        const auto [first, second] = std::minmax(column[a], column[b]);
+        add(static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(second));
       }
     };
-    for (int i = 0; i < static_cast<int>(variables.size()); ++i) {
-      entries.emplace_back(i, i, 1.0);
-    }
     for (const auto& [a, b] : graph.edges) {
       join(a, b);
     }
@@ -153,12 +208,52 @@ std::vector<std::uint32_t> EliminationOrder(const VariableGraph& graph,
         }
       }
     }
-    const auto count = static_cast<Eigen::Index>(variables.size());
-    Eigen::SparseMatrix<double> pattern(count, count);
-    pattern.setFromTriplets(entries.begin(), entries.end());
+  });
+  Eigen::SparseMatrix<float> pattern(count, count);
+  pattern.resizeNonZeros(static_cast<Eigen::Index>(joined.size()) + count);
+  std::vector<int> seen(static_cast<std::size_t>(count), -1);
+  int size = 0;
+  for (int i = 0; i < count; ++i) {
+    pattern.outerIndexPtr()[i] = size;
+    pattern.innerIndexPtr()[size++] = i;
+    for (const std::uint32_t j : joined.Of(static_cast<std::uint32_t>(i))) {
+      if (seen[j] != i) {
+        seen[j] = i;
+        pattern.innerIndexPtr()[size++] = static_cast<int>(j);
+      }
+    }
+  }
+  pattern.outerIndexPtr()[count] = size;
+  pattern.resizeNonZeros(size);
+  std::fill_n(pattern.valuePtr(), size, 1.0F);
+  return pattern;
+}
+
+}  // namespace
+
+std::vector<std::uint32_t> EliminationOrder(const VariableGraph& graph,
+                                            std::span<const std::uint32_t> last) {
+  constexpr int kLast = -1;
+  std::vector<int> column(graph.count, 0);
+  for (const std::uint32_t variable : last) {
+    column[variable] = kLast;
+  }
+  std::vector<std::uint32_t> variables;  // of the columns
+  variables.reserve(graph.count);
+  for (std::uint32_t variable = 0; variable < graph.count; ++variable) {
+    if (column[variable] != kLast) {
+      column[variable] = static_cast<int>(variables.size());
+      variables.push_back(variable);
+    }
+  }
+  std::vector<std::uint32_t> order;
+  order.reserve(graph.count);
+  if (!variables.empty()) {
+    const auto count = static_cast<int>(variables.size());
     Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> permutation;
-    Eigen::AMDOrdering<int>()(pattern, permutation);
-    for (Eigen::Index i = 0; i < count; ++i) {
+    Eigen::AMDOrdering<int>()(PatternOf(graph, column, count).selfadjointView<Eigen::Lower>(),
+                              permutation);
+    for (int i = 0; i < count; ++i) {
       order.push_back(variables[static_cast<std::size_t>(permutation.indices()[i])]);
     }
   }
@@ -174,50 +269,38 @@ SymbolicTree AnalyseElimination(const VariableGraph& graph, std::span<const std:
     tree.position[order[p]] = p;
   }
   const Columns columns = FindColumns(graph, order, tree.position);
-
-  // A front ends at the place of its last column; children are merged with it as they come.
-  std::vector<std::uint32_t> end(count);
-  std::vector<std::vector<std::uint32_t>> gathered(count);
-  std::vector<double> true_entries(count);
-  for (std::uint32_t p = 0; p < count; ++p) {
-    const std::size_t rows = columns.below[p].size();
-    end[p] = p;
-    true_entries[p] = 1.0 + static_cast<double>(rows);
-    std::size_t size = 1;
-    for (std::uint32_t c = columns.first_child[p]; c != kNone; c = columns.sibling[c]) {
-      const std::size_t merged = size + gathered[c].size();
-      const double entries = true_entries[p] + true_entries[c];
-      if (IsWorthMerging(merged, rows, entries)) {
-        end[c] = p;
-        true_entries[p] = entries;
-        size = merged;
-        gathered[p].insert(gathered[p].end(), gathered[c].begin(), gathered[c].end());
-        gathered[c].clear();
-      }
-    }
-    gathered[p].push_back(p);
-  }
+  const std::vector<std::uint32_t> end = FindEnds(columns);
+  const std::vector<std::uint32_t> ends = PostorderOfFronts(columns, end);
+  tree.fronts.resize(ends.size());
   std::vector<std::uint32_t> front_at(count, kNone);
-  const auto variables_at = [&order](const std::vector<std::uint32_t>& places) {
-    std::vector<std::uint32_t> variables(places.size());
-    std::transform(
-        places.begin(), places.end(), variables.begin(), [&](std::uint32_t p) { return order[p]; });
-    return variables;
-  };
-  for (std::uint32_t p = 0; p < count; ++p) {
-    if (end[p] == p) {
-      front_at[p] = static_cast<std::uint32_t>(tree.fronts.size());
-      tree.fronts.push_back({variables_at(gathered[p]), variables_at(columns.below[p]), kNone});
-    }
+  for (std::uint32_t i = 0; i < ends.size(); ++i) {
+    front_at[ends[i]] = i;
+    tree.fronts[i].rows = static_cast<std::uint32_t>(columns.Below(ends[i]).size());
   }
   tree.front_of.resize(count);
-  for (std::uint32_t p = count; p-- > 0;) {
-    end[p] = end[end[p]];
+  for (std::uint32_t p = 0; p < count; ++p) {
     tree.front_of[order[p]] = front_at[end[p]];
+    ++tree.fronts[front_at[end[p]]].columns;
   }
+  std::uint32_t size = 0;
   for (SymbolicFront& front : tree.fronts) {
-    if (!front.rows.empty()) {
-      front.parent = tree.front_of[front.rows.front()];
+    front.begin = size;
+    size += front.columns + front.rows;
+    front.columns = 0;
+  }
+  tree.variables.resize(size);
+  for (std::uint32_t p = 0; p < count; ++p) {
+    SymbolicFront& front = tree.fronts[front_at[end[p]]];
+    tree.variables[front.begin + front.columns++] = order[p];
+  }
+  for (std::uint32_t i = 0; i < ends.size(); ++i) {
+    SymbolicFront& front = tree.fronts[i];
+    std::uint32_t at = front.begin + front.columns;
+    for (const std::uint32_t p : columns.Below(ends[i])) {
+      tree.variables[at++] = order[p];
+    }
+    if (front.rows > 0) {
+      front.parent = front_at[end[columns.Below(ends[i]).front()]];
     }
   }
   return tree;

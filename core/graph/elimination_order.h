@@ -24,15 +24,17 @@ std::vector<std::uint32_t> EliminationOrder(const VariableGraph& graph,
 
 // Variables that are eliminated together, and those later ones that this joins.
 struct SymbolicFront {
-  std::vector<std::uint32_t> columns;  // in the order of elimination
-  std::vector<std::uint32_t> rows;     // the same
-  std::uint32_t parent = 0xFFFFFFFFU;  // the front that eliminates the first of `rows`
+  std::uint32_t begin = 0;             // into SymbolicTree::variables
+  std::uint32_t columns = 0;           // variables that it eliminates, in their order
+  std::uint32_t rows = 0;              // the later ones, after them, in their order
+  std::uint32_t parent = 0xFFFFFFFFU;  // the front that eliminates the first of the rows
 };
 
 struct SymbolicTree {
-  std::vector<SymbolicFront> fronts;    // children before their parents
-  std::vector<std::uint32_t> front_of;  // per variable
-  std::vector<std::uint32_t> position;  // per variable: its place in the order
+  std::vector<SymbolicFront> fronts;     // in postorder: a front follows all that is below it
+  std::vector<std::uint32_t> variables;  // of the fronts
+  std::vector<std::uint32_t> front_of;   // per variable
+  std::vector<std::uint32_t> position;   // per variable: its place in the order
 };
 
 // Symbolic elimination in the given order. Variables whose columns are alike, or nearly, are

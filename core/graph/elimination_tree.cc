@@ -26,6 +26,7 @@ void EliminationTree::Reserve(std::size_t variables, std::size_t terms) {
   fronts_.reserve(variables);
   terms_.reserve(terms);
   term_variables_.reserve(2 * terms);
+  uses_.reserve(2 * terms);
   term_values_.reserve(42 * terms);
 }
 
@@ -35,7 +36,6 @@ std::uint32_t EliminationTree::AddVariable(int size) {
   variables_.emplace_back();
   variables_.back().size = size;
   variables_.back().offset = static_cast<std::uint32_t>(value_.size());
-  variables_.back().terms.reserve(4);
   value_.resize(value_.size() + static_cast<std::size_t>(size), 0.0);
   spread_.resize(value_.size(), 0.0);
   moved_.push_back(0);
@@ -65,15 +65,18 @@ std::uint32_t EliminationTree::AddTerm(std::span<const std::uint32_t> variables)
     term.values = static_cast<std::uint32_t>(term_values_.size());
     term.size = size;
     term_variables_.resize(term_variables_.size() + variables.size());
+    uses_.resize(term_variables_.size());
     term_values_.resize(term_values_.size() + std::size_t{size} * (size + 1));
     terms_.push_back(term);
   }
   const Term& term = terms_[index];
   std::copy(variables.begin(), variables.end(), term_variables_.begin() + term.begin);
   std::fill_n(term_values_.begin() + term.values, std::size_t{size} * (size + 1), 0.0);
-  for (const std::uint32_t variable : variables) {
-    variables_[variable].terms.push_back(index);
-    Touch(variable);
+  for (std::uint32_t i = 0; i < term.count; ++i) {
+    Variable& variable = variables_[variables[i]];
+    uses_[term.begin + i] = {index, variable.first_use};
+    variable.first_use = term.begin + i;
+    Touch(variables[i]);
   }
   if (variables.size() == 1) {
     terms_[index].first = variables.front();
@@ -99,7 +102,11 @@ void EliminationTree::TouchAll() {
 
 void EliminationTree::RemoveTerm(std::uint32_t index) {
   for (const std::uint32_t variable : VariablesOf(terms_[index])) {
-    std::erase(variables_[variable].terms, index);
+    std::uint32_t* link = &variables_[variable].first_use;
+    while (uses_[*link].term != index) {
+      link = &uses_[*link].next;
+    }
+    *link = uses_[*link].next;
     Touch(variable);
   }
   structure_changed_ = true;
@@ -119,7 +126,7 @@ void EliminationTree::ResetValue(std::uint32_t variable) {
   std::fill_n(spread_.begin() + v.offset, v.size, 0.0);
 }
 
-// All fronts that eliminate a touched variable, and all above them.
+// All fronts that eliminate a touched variable, and all above them; children first.
 void EliminationTree::FindAffected() {
   affected_.clear();
   for (const std::uint32_t variable : touched_) {
@@ -141,9 +148,28 @@ double EliminationTree::FlopsOf(const Front& front) {
 
 bool EliminationTree::Eliminate(std::span<const std::uint32_t> last) {
   eliminated_count_ = 0;
+  if (!complements_are_kept_) {
+    TouchAll();
+    complements_are_kept_ = true;
+  }
   if (touched_.empty()) {
     return true;
   }
+  FindAffectedAndReorder(last);
+  return EliminateAffected(true);
+}
+
+bool EliminationTree::EliminateAll() {
+  eliminated_count_ = 0;
+  TouchAll();
+  structure_changed_ = structure_changed_ || !is_in_one_order_;
+  complements_are_kept_ = false;
+  stack_size_ = 0;
+  FindAffectedAndReorder({});
+  return EliminateAffected(false);
+}
+
+void EliminationTree::FindAffectedAndReorder(std::span<const std::uint32_t> last) {
   const bool is_bloated = structure_changed_ && flops_ > kGrowthMax * flops_in_one_order_;
   if (is_bloated) {
     TouchAll();
@@ -158,6 +184,9 @@ bool EliminationTree::Eliminate(std::span<const std::uint32_t> last) {
   }
   touched_.clear();
   structure_changed_ = false;
+}
+
+bool EliminationTree::EliminateAffected(bool keep_complements) {
   for (const std::uint32_t front : affected_) {
     fronts_[front].affected = false;
     if (!fronts_[front].fresh) {
@@ -168,7 +197,7 @@ bool EliminationTree::Eliminate(std::span<const std::uint32_t> last) {
   bool determined = true;
   for (const std::uint32_t front : affected_) {
     eliminated_count_ += fronts_[front].eliminated;
-    determined = determined && EliminateFront(front);
+    determined = determined && EliminateFront(fronts_[front], keep_complements);
   }
   if (!determined) {  // all of it is due again
     for (const std::uint32_t front : affected_) {
@@ -205,6 +234,7 @@ std::uint32_t EliminationTree::NewFront() {
 void EliminationTree::Reorder(std::span<const std::uint32_t> last) {
   std::vector<std::uint32_t> orphans;  // fronts that lose their parents
   const std::vector<std::uint32_t> open = OpenVariables(orphans);
+  is_in_one_order_ = open.size() == variables_.size();
   const VariableGraph graph = GraphOfOpen(open, orphans);
   std::vector<std::uint32_t> last_open;
   for (const std::uint32_t variable : last) {
@@ -230,9 +260,10 @@ void EliminationTree::Reorder(std::span<const std::uint32_t> last) {
     }
   }
   for (const std::uint32_t variable : open) {
-    for (const std::uint32_t index : variables_[variable].terms) {
-      if (IsOpen(terms_[index])) {
-        terms_[index].first = first_of(VariablesOf(terms_[index]));
+    for (std::uint32_t use = variables_[variable].first_use; use != kNone; use = uses_[use].next) {
+      Term& term = terms_[uses_[use].term];
+      if (IsOpen(term)) {
+        term.first = first_of(VariablesOf(term));
       }
     }
   }
@@ -246,14 +277,17 @@ void EliminationTree::MakeFronts(const SymbolicTree& tree, std::span<const std::
     const std::uint32_t index = NewFront();
     affected_.push_back(index);
     Front& front = fronts_[index];
-    const auto add = [&](std::uint32_t i) {
-      front.variables.push_back(open[i]);
-      front.size += static_cast<std::uint32_t>(variables_[open[i]].size);
-    };
-    std::for_each(symbolic.columns.begin(), symbolic.columns.end(), add);
-    front.eliminated = static_cast<std::uint32_t>(symbolic.columns.size());
-    front.columns = front.size;
-    std::for_each(symbolic.rows.begin(), symbolic.rows.end(), add);
+    front.eliminated = symbolic.columns;
+    front.variables.reserve(symbolic.columns + symbolic.rows);
+    for (std::uint32_t i = 0; i < symbolic.columns + symbolic.rows; ++i) {
+      if (i == symbolic.columns) {
+        front.columns = front.size;
+      }
+      const std::uint32_t variable = open[tree.variables[symbolic.begin + i]];
+      front.variables.push_back(variable);
+      front.size += static_cast<std::uint32_t>(variables_[variable].size);
+    }
+    front.columns = symbolic.rows == 0 ? front.size : front.columns;
     flops_ += FlopsOf(front);
   }
   for (std::size_t i = 0; i < tree.fronts.size(); ++i) {
@@ -303,11 +337,12 @@ VariableGraph EliminationTree::GraphOfOpen(std::span<const std::uint32_t> open,
   VariableGraph graph;
   graph.count = static_cast<std::uint32_t>(open.size());
   for (std::uint32_t i = 0; i < graph.count; ++i) {
-    for (const std::uint32_t index : variables_[open[i]].terms) {
-      if (terms_[index].count < 2 || !IsOpen(terms_[index])) {
+    for (std::uint32_t use = variables_[open[i]].first_use; use != kNone; use = uses_[use].next) {
+      const Term& term = terms_[uses_[use].term];
+      if (term.count < 2 || !IsOpen(term)) {
         continue;
       }
-      for (const std::uint32_t other : VariablesOf(terms_[index])) {
+      for (const std::uint32_t other : VariablesOf(term)) {
         if (other > open[i]) {
           graph.edges.emplace_back(i, variables_[other].row);
         }

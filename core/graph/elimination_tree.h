@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include "core/graph/elimination_order.h"
+#include "core/graph/number_buffer.h"
 
 namespace loci {
 
@@ -34,11 +35,9 @@ class EliminationTree {
   // variables of the term in turn) and b in row n; n + 1 numbers a column. Valid until the next
   // AddTerm.
   double* SetTerm(std::uint32_t term);
-  // The same, for those who set many, and say TouchAll afterwards.
+  // The same, for those who call EliminateAll afterwards.
   double* TermValues(std::uint32_t term) { return &term_values_[terms_[term].values]; }
   const double* TermValues(std::uint32_t term) const { return &term_values_[terms_[term].values]; }
-  // All terms may have been set.
-  void TouchAll();
   // The term is gone; its number may be given to another. It must be there.
   void RemoveTerm(std::uint32_t term);
 
@@ -46,6 +45,9 @@ class EliminationTree {
   // eliminated after the others: what is likely to change next is cheap then. False, and the
   // factorisation stays open, if the terms do not determine every variable.
   bool Eliminate(std::span<const std::uint32_t> last);
+  // The same for those who set all terms anew each time: in less room, and faster for that, since
+  // no Schur complement is kept. The next Eliminate, if there is one, concerns all fronts.
+  bool EliminateAll();
 
   // Solves for what changed: a front is solved again if it was eliminated again, or if a variable
   // above it has moved by more than `change_min` since. Appends all variables that were solved.
@@ -66,14 +68,19 @@ class EliminationTree {
  private:
   struct Variable {
     int size = 0;
-    std::uint32_t offset = 0;     // into value_
-    std::uint32_t front = kNone;  // that eliminates it
-    std::uint32_t row = 0;        // its first row in the front at hand
+    std::uint32_t offset = 0;         // into value_
+    std::uint32_t front = kNone;      // that eliminates it
+    std::uint32_t row = 0;            // its first row in the front at hand
+    std::uint32_t first_use = kNone;  // by a term, the latest first
     bool touched = false;
-    std::vector<std::uint32_t> terms;
+  };
+  // That a term is over a variable; the uses of a variable are a list.
+  struct Use {
+    std::uint32_t term = 0;
+    std::uint32_t next = kNone;
   };
   struct Term {
-    std::uint32_t begin = 0;  // into term_variables_
+    std::uint32_t begin = 0;  // into term_variables_ and uses_
     std::uint32_t count = 0;
     std::uint32_t values = 0;     // into term_values_
     std::uint32_t size = 0;       // scalars
@@ -86,7 +93,8 @@ class EliminationTree {
     std::uint32_t size = 0;                // scalars of all
     std::uint32_t parent = kNone;
     std::vector<std::uint32_t> children;
-    std::vector<double> values;  // see dense_front.h
+    NumberBuffer values;         // the columns of L (dense_front.h), then, if kept, the complement
+    std::size_t complement = 0;  // where the Schur complement begins, there or on the stack
     std::uint64_t sequence = 0;  // children have a lower one than their parents
     bool affected = false;
     bool fresh = false;  // not solved since it was eliminated
@@ -96,6 +104,7 @@ class EliminationTree {
     return {&term_variables_[term.begin], term.count};
   }
   void Touch(std::uint32_t variable);
+  void TouchAll();
   static double FlopsOf(const Front& front);
   std::span<const std::uint32_t> RowsOf(const Front& front) const {
     return std::span(front.variables).subspan(front.eliminated);
@@ -110,19 +119,22 @@ class EliminationTree {
   void MakeFronts(const SymbolicTree& tree, std::span<const std::uint32_t> open);
   void RemoveAffected();
   std::uint32_t NewFront();
-  bool EliminateFront(std::uint32_t front);
+  void FindAffectedAndReorder(std::span<const std::uint32_t> last);
+  bool EliminateAffected(bool keep_complements);
+  bool EliminateFront(Front& front, bool keep_complement);
+  void Assemble(const Front& front, bool complements_are_kept);
   void FindRuns(std::span<const std::uint32_t> variables);
   void Scatter(std::span<const std::uint32_t> variables,
                const double* values,
                std::ptrdiff_t stride,
-               std::ptrdiff_t right_row,
-               Front& front);
+               std::ptrdiff_t size);
   bool SolveFront(Front& front, double change_min);
   std::vector<std::uint32_t> PathOf(std::uint32_t variable) const;
 
   std::vector<Variable> variables_;
   std::vector<Term> terms_;
   std::vector<std::uint32_t> term_variables_;
+  std::vector<Use> uses_;
   std::vector<double> term_values_;
   std::vector<std::uint32_t> free_terms_;
   std::vector<Front> fronts_;
@@ -137,6 +149,7 @@ class EliminationTree {
 
   std::vector<std::uint32_t> touched_;  // variables
   bool structure_changed_ = false;
+  bool is_in_one_order_ = false;         // all fronts, by their sequence, are in postorder
   std::vector<std::uint32_t> affected_;  // fronts, children first
   std::vector<std::uint32_t> fresh_;     // fronts
   std::size_t eliminated_count_ = 0;
@@ -146,6 +159,10 @@ class EliminationTree {
     std::ptrdiff_t count = 0;
   };
   std::vector<Run> runs_;
+  NumberBuffer work_;   // the front at hand
+  NumberBuffer stack_;  // complements that no parent has taken yet, of EliminateAll
+  std::size_t stack_size_ = 0;
+  bool complements_are_kept_ = true;
   std::vector<double> x_;
 };
 

@@ -25,45 +25,63 @@ void EliminationTree::FindRuns(std::span<const std::uint32_t> variables) {
   }
 }
 
-// Adds a matrix over some variables, with its right-hand side, to a front that has them all.
+namespace {
+
+// Runs are of few poses: three at a time costs less than what the compiler makes of a plain loop.
+inline void Add(const double* from, std::ptrdiff_t count, double* to) {
+  std::ptrdiff_t i = 0;
+  for (; i + 3 <= count; i += 3) {
+    to[i] += from[i];
+    to[i + 1] += from[i + 1];
+    to[i + 2] += from[i + 2];
+  }
+  for (; i < count; ++i) {
+    to[i] += from[i];
+  }
+}
+
+}  // namespace
+
+// Adds a matrix over some variables, with its right-hand side in the row after them, to the front
+// at hand, which has them all and `size` numbers.
 void EliminationTree::Scatter(std::span<const std::uint32_t> variables,
                               const double* values,
                               std::ptrdiff_t stride,
-                              std::ptrdiff_t right_row,
-                              Front& front) {
+                              std::ptrdiff_t size) {
   FindRuns(variables);
-  const std::ptrdiff_t front_stride = StrideOf(front.size);
+  double* const work = work_.data();
+  const std::ptrdiff_t right_row = runs_.back().source + runs_.back().count;
+  const std::ptrdiff_t work_stride = StrideOf(size);
   for (std::size_t c = 0; c < runs_.size(); ++c) {
     const Run& run = runs_[c];
     for (std::ptrdiff_t j = 0; j < run.count; ++j) {
       const double* from = values + (run.source + j) * stride;
-      double* to = front.values.data() + (run.target + j) * front_stride;
-      for (std::ptrdiff_t i = j; i < run.count; ++i) {
-        to[run.target + i] += from[run.source + i];
-      }
+      double* to = work + (run.target + j) * work_stride;
+      Add(from + run.source + j, run.count - j, to + run.target + j);
       for (std::size_t r = c + 1; r < runs_.size(); ++r) {
-        // Below the diagonal, or mirrored to there.
-        const bool below = runs_[r].target > run.target;
-        double* first = below
-                            ? to + runs_[r].target
-                            : front.values.data() + runs_[r].target * front_stride + run.target + j;
-        const std::ptrdiff_t step = below ? 1 : front_stride;
+        if (runs_[r].target > run.target) {
+          Add(from + runs_[r].source, runs_[r].count, to + runs_[r].target);
+          continue;
+        }
+        // Above the diagonal: mirrored.
+        double* mirrored = work + runs_[r].target * work_stride + run.target + j;
         for (std::ptrdiff_t i = 0; i < runs_[r].count; ++i) {
-          first[i * step] += from[runs_[r].source + i];
+          mirrored[i * work_stride] += from[runs_[r].source + i];
         }
       }
-      to[front.size] += from[right_row];
+      to[size] += from[right_row];
     }
   }
 }
 
-bool EliminationTree::EliminateFront(std::uint32_t index) {
-  Front& front = fronts_[index];
-  const std::ptrdiff_t stride_of = StrideOf(front.size);
-  front.values.resize(static_cast<std::size_t>(stride_of) * front.size);
-  for (std::ptrdiff_t j = 0; j < static_cast<std::ptrdiff_t>(front.size); ++j) {
+// Puts together what a front eliminates: its terms, and the complements of its children.
+void EliminationTree::Assemble(const Front& front, bool complements_are_kept) {
+  const auto size = static_cast<std::ptrdiff_t>(front.size);
+  const std::ptrdiff_t stride = StrideOf(size);
+  double* const work = work_.Renew(static_cast<std::size_t>(stride * size));
+  for (std::ptrdiff_t j = 0; j < size; ++j) {
     const std::ptrdiff_t begin = std::max<std::ptrdiff_t>(0, (j & ~std::ptrdiff_t{3}) - 4);
-    std::fill_n(front.values.data() + j * stride_of + begin, stride_of - begin, 0.0);
+    std::fill_n(work + j * stride + begin, stride - begin, 0.0);
   }
   std::uint32_t row = 0;
   for (const std::uint32_t variable : front.variables) {
@@ -72,23 +90,55 @@ bool EliminationTree::EliminateFront(std::uint32_t index) {
   }
   for (std::uint32_t i = 0; i < front.eliminated; ++i) {
     const std::uint32_t variable = front.variables[i];
-    for (const std::uint32_t t : variables_[variable].terms) {
-      const Term& term = terms_[t];
+    for (std::uint32_t use = variables_[variable].first_use; use != kNone; use = uses_[use].next) {
+      const Term& term = terms_[uses_[use].term];
       if (term.first == variable) {
-        Scatter(VariablesOf(term), &term_values_[term.values], term.size + 1, term.size, front);
+        Scatter(VariablesOf(term), &term_values_[term.values], term.size + 1, size);
       }
     }
   }
   for (const std::uint32_t c : front.children) {
     const Front& child = fronts_[c];
-    const std::ptrdiff_t stride = StrideOf(child.size);
-    Scatter(std::span<const std::uint32_t>(child.variables).subspan(child.eliminated),
-            child.values.data() + child.columns * stride + child.columns,
-            stride,
-            static_cast<std::ptrdiff_t>(child.size - child.columns),
-            front);
+    if (child.size > child.columns) {
+      const double* complements = complements_are_kept ? child.values.data() : stack_.data();
+      Scatter(RowsOf(child),
+              complements + child.complement,
+              StrideOf(child.size - child.columns),
+              size);
+    }
   }
-  return EliminateColumns(front.values.data(), front.size, front.columns);
+}
+
+bool EliminationTree::EliminateFront(Front& front, bool keep_complement) {
+  Assemble(front, keep_complement);
+  const std::ptrdiff_t stride = StrideOf(front.size);
+  if (!EliminateColumns(work_.data(), front.size, front.columns)) {
+    return false;
+  }
+  const std::size_t factor_count = static_cast<std::size_t>(stride) * front.columns;
+  const std::size_t rest = front.size - front.columns;
+  const auto rest_stride = static_cast<std::size_t>(StrideOf(static_cast<std::ptrdiff_t>(rest)));
+  double* complement = nullptr;
+  if (keep_complement) {
+    front.values.Renew(factor_count + rest * rest_stride);
+    front.complement = factor_count;
+    complement = front.values.data() + factor_count;
+  } else {
+    front.values.Renew(factor_count);
+    // Fronts come in postorder: the children's complements are the last on the stack.
+    for (const std::uint32_t child : front.children) {
+      stack_size_ = std::min(stack_size_, fronts_[child].complement);
+    }
+    front.complement = stack_size_;
+    complement = stack_.Grow(stack_size_ + rest * rest_stride, stack_size_) + stack_size_;
+    stack_size_ += rest * rest_stride;
+  }
+  std::copy_n(work_.data(), factor_count, front.values.data());
+  for (std::size_t j = 0; j < rest; ++j) {
+    const double* from = work_.data() + (front.columns + j) * static_cast<std::size_t>(stride);
+    std::copy_n(from + front.columns + j, rest + 1 - j, complement + j * rest_stride + j);
+  }
+  return true;
 }
 
 bool EliminationTree::SolveFront(Front& front, double change_min) {

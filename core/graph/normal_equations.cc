@@ -98,8 +98,7 @@ bool NormalEquations::Factor(double damping) {
     }
   }
   damping_ = added;
-  tree_.TouchAll();
-  return tree_.Eliminate({});
+  return tree_.EliminateAll();
 }
 
 Eigen::VectorXd NormalEquations::Step() {

@@ -186,9 +186,13 @@ TEST(EliminationTreeTest, EqualsTheDenseSolutionWhileTermsComeChangeAndGo) {
       }
       const std::vector<std::uint32_t> last{
           static_cast<std::uint32_t>(problem.tree().variable_count() - 1), 0};
-      ASSERT_TRUE(problem.tree().Eliminate(random.NextBits() % 2 == 0 || last.front() == 0
-                                               ? std::span<const std::uint32_t>()
-                                               : std::span(last)));
+      if (round % 3 == 2) {
+        ASSERT_TRUE(problem.tree().EliminateAll());
+      } else {
+        ASSERT_TRUE(problem.tree().Eliminate(random.NextBits() % 2 == 0 || last.front() == 0
+                                                 ? std::span<const std::uint32_t>()
+                                                 : std::span(last)));
+      }
       problem.ExpectDenseSolution();
     }
     problem.ExpectDenseInverse(random);
@@ -208,6 +212,21 @@ TEST(EliminationTreeTest, LargeFrontsEqualTheDenseSolutionToo) {
   ASSERT_TRUE(problem.tree().Eliminate({}));
   problem.ExpectDenseSolution();
   problem.ExpectDenseInverse(random);
+}
+
+TEST(EliminationTreeTest, WithoutComplementsTheSolutionIsTheSame) {
+  RandomSequence random(6);
+  Problem problem;
+  for (int round = 0; round < 10; ++round) {
+    Grow(problem, 20, random);
+    ASSERT_TRUE(problem.tree().Eliminate({}));  // in pieces of an order
+    ASSERT_TRUE(problem.tree().EliminateAll());
+    problem.ExpectDenseSolution();
+    problem.ExpectDenseInverse(random);
+    problem.SetTerm(problem.AnyTerm(random), random);
+    ASSERT_TRUE(problem.tree().EliminateAll());  // in the same order
+    problem.ExpectDenseSolution();
+  }
 }
 
 TEST(EliminationTreeTest, AFrontHasTheSameBitsOnEveryProcessor) {
@@ -231,6 +250,12 @@ TEST(EliminationTreeTest, AFrontHasTheSameBitsOnEveryProcessor) {
         ASSERT_EQ(front[at], plain[at]) << "size " << size << ", " << row << ", " << column;
       }
     }
+    std::vector<double> x(static_cast<std::size_t>(size));
+    std::generate(x.begin(), x.end(), [&] { return random.NextUniform(-1.0, 1.0); });
+    std::vector<double> plain_x = x;
+    SolveColumns(front.data(), size, columns, x.data());
+    SolveColumnsPlainly(plain.data(), size, columns, plain_x.data());
+    ASSERT_EQ(x, plain_x) << "size " << size;
   }
 }
 

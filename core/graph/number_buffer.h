@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// Room for numbers that are written before they are read.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <memory>
+
+namespace loci {
+
+// Unlike a std::vector, does not set to zero what it makes room for. Not copied with its owner.
+class NumberBuffer {
+ public:
+  // Room for at least `count` numbers. What was there is lost if that is more than before.
+  double* Renew(std::size_t count) {
+    if (count > capacity_) {
+      Allocate(count);
+    }
+    return numbers_.get();
+  }
+  // The same, but the first `kept` numbers stay.
+  double* Grow(std::size_t count, std::size_t kept) {
+    if (count > capacity_) {
+      const std::unique_ptr<double[]> before = std::move(numbers_);
+      Allocate(std::max(count, 2 * capacity_));
+      std::copy_n(before.get(), kept, numbers_.get());
+    }
+    return numbers_.get();
+  }
+  double* data() { return numbers_.get(); }
+  const double* data() const { return numbers_.get(); }
+
+ private:
+  void Allocate(std::size_t count) {
+    numbers_ = std::make_unique_for_overwrite<double[]>(count);
+    capacity_ = count;
+  }
+
+  std::unique_ptr<double[]> numbers_;
+  std::size_t capacity_ = 0;
+};
+
+}  // namespace loci
