@@ -13,10 +13,10 @@ struct Neighbourhood {
   std::vector<std::uint32_t> constraint;
 };
 
-Neighbourhood FindNeighbourhood(const PoseGraph& graph) {
+Neighbourhood FindNeighbourhood(std::size_t node_count, std::span<const NodePair> constraints) {
   Neighbourhood result;
-  result.begin.assign(graph.map_from_node.size() + 1, 0);
-  for (const GraphConstraint& constraint : graph.constraints) {
+  result.begin.assign(node_count + 1, 0);
+  for (const NodePair& constraint : constraints) {
     ++result.begin[constraint.from + 1];
     ++result.begin[constraint.to + 1];
   }
@@ -25,9 +25,9 @@ Neighbourhood FindNeighbourhood(const PoseGraph& graph) {
   }
   result.constraint.resize(result.begin.back());
   std::vector<std::size_t> next(result.begin.begin(), result.begin.end() - 1);
-  for (std::uint32_t i = 0; i < graph.constraints.size(); ++i) {
-    result.constraint[next[graph.constraints[i].from]++] = i;
-    result.constraint[next[graph.constraints[i].to]++] = i;
+  for (std::uint32_t i = 0; i < constraints.size(); ++i) {
+    result.constraint[next[constraints[i].from]++] = i;
+    result.constraint[next[constraints[i].to]++] = i;
   }
   return result;
 }
@@ -35,14 +35,23 @@ Neighbourhood FindNeighbourhood(const PoseGraph& graph) {
 }  // namespace
 
 ToroTree BreadthFirstTree(const PoseGraph& graph) {
-  const std::size_t node_count = graph.map_from_node.size();
-  const Neighbourhood neighbourhood = FindNeighbourhood(graph);
+  std::vector<NodePair> pairs;
+  pairs.reserve(graph.constraints.size());
+  for (const GraphConstraint& constraint : graph.constraints) {
+    pairs.push_back({constraint.from, constraint.to});
+  }
+  return BreadthFirstTree(HeldNodes(graph), pairs);
+}
+
+ToroTree BreadthFirstTree(const std::vector<bool>& is_root, std::span<const NodePair> constraints) {
+  const std::size_t node_count = is_root.size();
+  const Neighbourhood neighbourhood = FindNeighbourhood(node_count, constraints);
   ToroTree tree;
   tree.parent.assign(node_count, ToroTree::kNone);
   tree.parent_constraint.assign(node_count, ToroTree::kNone);
   tree.depth.assign(node_count, 0);
   tree.order.reserve(node_count);
-  std::vector<bool> reached = HeldNodes(graph);
+  std::vector<bool> reached = is_root;
   // A component that hangs together by points alone has no held node of its own tree: its nodes are
   // taken as roots when the search has come to an end without them.
   for (std::uint32_t i = 0; i < node_count; ++i) {
@@ -56,7 +65,7 @@ ToroTree BreadthFirstTree(const PoseGraph& graph) {
       const std::uint32_t node = tree.order[next];
       for (std::size_t k = neighbourhood.begin[node]; k < neighbourhood.begin[node + 1]; ++k) {
         const std::uint32_t index = neighbourhood.constraint[k];
-        const GraphConstraint& constraint = graph.constraints[index];
+        const NodePair& constraint = constraints[index];
         const std::uint32_t other = constraint.from == node ? constraint.to : constraint.from;
         if (!reached[other]) {
           reached[other] = true;

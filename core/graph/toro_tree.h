@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "core/graph/pose_graph.h"
@@ -22,9 +23,18 @@ struct ToroTree {
   std::vector<std::uint32_t> order;  // of the search: every parent stands before its children
 };
 
+// The nodes that a constraint joins.
+struct NodePair {
+  std::uint32_t from = 0;
+  std::uint32_t to = 0;
+};
+
 // The breadth-first tree over the pose constraints of `graph`: roots in the order of their index,
 // neighbours in the order of their constraints.
 ToroTree BreadthFirstTree(const PoseGraph& graph);
+
+// The same from nothing but indices. Nodes that no root reaches make their lowest one a root.
+ToroTree BreadthFirstTree(const std::vector<bool>& is_root, std::span<const NodePair> constraints);
 
 // The poses that follow from the roots' by composing the constraints along the tree: a start
 // without the drift of odometry. Free points are placed by their first constraint.

@@ -2,9 +2,11 @@
 // Random pose graphs for tests: a walk with noisy loop constraints.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -63,6 +65,70 @@ inline PoseGraph RandomLoopGraph(std::uint64_t seed, std::uint32_t node_count) {
       graph.constraints.push_back(
           {i - kRound, i, seen * Noise(random, kSigmaM, kSigmaRad), information, true});
     }
+  }
+  return graph;
+}
+
+// A robot that drives the streets of a town of square blocks, turning at random at each crossing,
+// one node a crossing, tied to the last time that it was at the same crossing or at one beside it.
+// The poses given are those of noisy odometry.
+inline PoseGraph RandomManhattanGraph(std::uint64_t seed, std::uint32_t node_count) {
+  constexpr int kBlocks = 12;  // in each direction
+  constexpr double kBlockM = 1.0;
+  constexpr double kSigmaM = 0.05;
+  constexpr double kSigmaRad = 0.03;
+  const Eigen::Matrix3d information =
+      Eigen::Vector3d(
+          1.0 / (kSigmaM * kSigmaM), 1.0 / (kSigmaM * kSigmaM), 1.0 / (kSigmaRad * kSigmaRad))
+          .asDiagonal();
+  RandomSequence random(seed);
+  std::vector<std::uint32_t> last_at(kBlocks * kBlocks, node_count);
+  std::vector<Pose2> truth;
+  PoseGraph graph;
+  graph.fixed = {true};
+  const auto add = [&](std::uint32_t from, std::uint32_t to, bool robust) {
+    const Pose2 seen = Inverse(truth[from]) * truth[to] * Noise(random, kSigmaM, kSigmaRad);
+    graph.constraints.push_back({from, to, seen, information, robust});
+  };
+  int x = kBlocks / 2;
+  int y = kBlocks / 2;
+  int quarter = 0;  // turns of the robot, to the left
+  for (std::uint32_t i = 0; i < node_count; ++i) {
+    truth.push_back({kBlockM * x, kBlockM * y, WrapAngle(0.5 * kPi * quarter)});
+    if (i == 0) {
+      graph.map_from_node.push_back(truth.front());
+    } else {
+      add(i - 1, i, false);
+      graph.map_from_node.push_back(graph.map_from_node.back() *
+                                    graph.constraints.back().from_from_to);
+    }
+    for (const auto& [dx, dy] : {std::pair{0, 0}, {1, 0}, {0, 1}}) {
+      const int seen_x = x + dx;
+      const int seen_y = y + dy;
+      if (seen_x < kBlocks && seen_y < kBlocks) {
+        const std::uint32_t seen = last_at[static_cast<std::size_t>(seen_y * kBlocks + seen_x)];
+        if (seen + 10 < i) {
+          add(i, seen, true);
+        }
+      }
+    }
+    last_at[static_cast<std::size_t>(y * kBlocks + x)] = i;
+    // Straight on more often than not; never out of the town.
+    constexpr std::array<int, 6> kTurns = {0, 0, 0, 0, 1, 3};
+    constexpr std::array<int, 4> kStepX = {1, 0, -1, 0};
+    int next = 0;
+    do {
+      next = (quarter + kTurns[random.NextBits() % kTurns.size()]) % 4;
+      const auto along = static_cast<std::size_t>(next);
+      const int to_x = x + kStepX[along];
+      const int to_y = y + kStepX[(along + 3) % 4];
+      if (to_x >= 0 && to_x < kBlocks && to_y >= 0 && to_y < kBlocks) {
+        x = to_x;
+        y = to_y;
+        break;
+      }
+    } while (true);
+    quarter = next;
   }
   return graph;
 }
