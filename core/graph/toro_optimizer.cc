@@ -1,330 +1,249 @@
 // SPDX-License-Identifier: Apache-2.0
-// Spreading of errors along tree paths.
-//
-// A constraint's path P runs from `from` up to the top, where it meets the path from `to`. With the
-// poses of all nodes expressed in their parents' frames (RSS 2007, tree parameterisation), the
-// error depends on the nodes of P only. It is spread over them in inverse proportion to their
-// stiffness, the diagonal of the Hessian's approximation that preconditions the descent: the
-// rotation first, then what remains of the translation (T-ITS 2009 does so in three dimensions;
-// moving subtrees rigidly, in the plane too, needs far fewer sweeps than the linearised update of
-// RSS 2007). The papers weigh by the full information; here a translation has one weight, the mean
-// of both directions, which turning the frame does not change.
+// Which constraints and nodes are worked on.
 #include "core/graph/toro_optimizer.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numeric>
 #include <tuple>
-
-#include "core/base/check.h"
+#include <utility>
 
 namespace loci {
 namespace {
 
 // A learning rate below this moves nothing worth the work: the constraint rests.
 constexpr double kRateMin = 1e-3;
-// Stiffness that a zero information is taken for, so that shares stay finite.
-constexpr double kStiffnessMin = 1e-12;
+// In an update settling does better than sweeps below this rate, to which 1 decays in ten sweeps.
+// Fewer sweeps, down to three, leave larger closures half open for some updates.
+constexpr double kUpdateRateMin = 0.1;
+// Rounds of settling in an update, and nodes in a round: its bounds, of milliseconds. Public graphs
+// of 10^4 nodes reach the second one only in their largest closures.
+constexpr int kUpdateRounds = 3;
+constexpr std::size_t kRoundNodesMax = 2000;
 
 }  // namespace
 
-ToroOptimizer::ToroOptimizer(const PoseGraph& graph) {
-  graph_.constraints = graph.constraints;
-  graph_.fixed = graph.fixed;
-  for (const GraphConstraint& constraint : graph_.constraints) {
-    AddEdge(constraint);
+ToroOptimizer::ToroOptimizer(const PoseGraph& graph) : forest_(graph) {
+  patch_index_.assign(forest_.nodes().size(), kAbsent);
+  is_unsettled_.assign(forest_.nodes().size(), false);
+  rates_.assign(forest_.edges().size(), 0.0);
+  is_active_.assign(forest_.edges().size(), false);
+  for (std::uint32_t edge = 0; edge < rates_.size(); ++edge) {
+    rates_[edge] = 1.0;
+    Activate(edge);
   }
-  Rebuild(graph.map_from_node);
-}
-
-void ToroOptimizer::AddEdge(const GraphConstraint& constraint) {
-  Edge edge;
-  edge.from = constraint.from;
-  edge.to = constraint.to;
-  edge.from_from_to = constraint.from_from_to;
-  edge.rotation_weight = constraint.information(2, 2);
-  edge.translation_weight = 0.5 * (constraint.information(0, 0) + constraint.information(1, 1));
-  edges_.push_back(edge);
-}
-
-void ToroOptimizer::Rebuild(const std::vector<Pose2>& map_from_node) {
-  graph_.map_from_node = map_from_node;
-  const ToroTree tree = BreadthFirstTree(graph_);
-  nodes_.assign(map_from_node.size(), Node{});
-  for (const std::uint32_t i : tree.order) {
-    const std::uint32_t parent = tree.parent[i];
-    if (parent == ToroTree::kNone) {
-      nodes_[i].parent_from_node = map_from_node[i];
-    } else {
-      HangNode(i, parent, Inverse(map_from_node[parent]) * map_from_node[i]);
-    }
-  }
-  for (std::uint32_t edge = 0; edge < edges_.size(); ++edge) {
-    nodes_[edges_[edge].from].joined = true;
-    nodes_[edges_[edge].to].joined = true;
-    AddToPath(edge);
-  }
-}
-
-void ToroOptimizer::HangNode(std::uint32_t node,
-                             std::uint32_t parent,
-                             const Pose2& parent_from_node) {
-  nodes_[node].parent = parent;
-  nodes_[node].depth = nodes_[parent].depth + 1;
-  nodes_[node].parent_from_node = parent_from_node;
 }
 
 std::uint32_t ToroOptimizer::AddNode(const Pose2& map_from_node, bool fixed) {
-  const auto index = static_cast<std::uint32_t>(nodes_.size());
-  nodes_.emplace_back();
-  nodes_.back().parent_from_node = map_from_node;
-  graph_.map_from_node.push_back(map_from_node);
-  graph_.fixed.resize(nodes_.size());
-  graph_.fixed.back() = fixed;
-  return index;
+  patch_index_.push_back(kAbsent);
+  is_unsettled_.push_back(false);
+  return forest_.AddNode(map_from_node, fixed);
 }
 
 void ToroOptimizer::AddConstraint(const GraphConstraint& constraint) {
-  LOCI_CHECK(constraint.from < nodes_.size() && constraint.to < nodes_.size());
-  LOCI_CHECK(constraint.from != constraint.to);
-  const auto is_alone = [this](std::uint32_t node) {
-    return !nodes_[node].joined && !graph_.IsFixed(node);
-  };
-  const bool from_is_alone = is_alone(constraint.from);
-  const bool to_is_alone = is_alone(constraint.to);
-  nodes_[constraint.from].joined = true;
-  nodes_[constraint.to].joined = true;
-  const auto index = static_cast<std::uint32_t>(edges_.size());
-  graph_.constraints.push_back(constraint);
-  AddEdge(constraint);
-  // Of two lone nodes the earlier one becomes the root, as a batch would have it.
-  if (to_is_alone && !(from_is_alone && constraint.to < constraint.from)) {
-    HangNode(constraint.to, constraint.from, constraint.from_from_to);
-    AddToPath(index);
-  } else if (from_is_alone) {
-    HangNode(constraint.from, constraint.to, Inverse(constraint.from_from_to));
-    AddToPath(index);
-  } else if (RootOf(constraint.from) != RootOf(constraint.to)) {
-    JoinComponents(index);
-  } else {
-    AddToPath(index);
-    RaiseRates(index);
+  const bool closes_loop = forest_.AddEdge(constraint);
+  const auto edge = static_cast<std::uint32_t>(rates_.size());
+  patch_holds_active_ = false;
+  rates_.push_back(0.0);  // it fits as it hangs
+  is_active_.push_back(false);
+  if (closes_loop) {
+    RaiseRates(edge);
   }
 }
 
-// Between two fixed roots there is nothing to move as a whole: the error goes to the nodes between.
-void ToroOptimizer::JoinComponents(std::uint32_t edge_index) {
-  const Edge& edge = edges_[edge_index];
-  const std::uint32_t from_root = RootOf(edge.from);
-  const std::uint32_t to_root = RootOf(edge.to);
-  std::vector<Pose2> poses = Poses();
-  const bool from_stays = graph_.IsFixed(from_root);
-  const bool to_stays = graph_.IsFixed(to_root);
-  if (!from_stays || !to_stays) {
-    const bool move_to = !to_stays && (from_stays || from_root < to_root);
-    const Pose2 map_from_end = move_to ? poses[edge.from] * edge.from_from_to
-                                       : poses[edge.to] * Inverse(edge.from_from_to);
-    const Pose2 new_from_old = map_from_end * Inverse(poses[move_to ? edge.to : edge.from]);
-    const std::uint32_t moving_root = move_to ? to_root : from_root;
-    for (std::uint32_t i = 0; i < poses.size(); ++i) {
-      if (RootOf(i) == moving_root) {
-        poses[i] = new_from_old * poses[i];
-      }
+void ToroOptimizer::RaiseRates(std::uint32_t edge) {
+  forest_.FindPath(forest_.edges()[edge].ends, path_);
+  double compliance = 0.0;
+  for (const std::vector<std::uint32_t>* half : {&path_.from_half, &path_.to_half}) {
+    for (const std::uint32_t node : *half) {
+      const double stiffness = forest_.nodes()[node].stiffness.translation;
+      compliance += stiffness > 0.0 ? 1.0 / stiffness : 0.0;
     }
   }
-  Rebuild(poses);
-  RaiseRates(edge_index);
-}
-
-std::uint32_t ToroOptimizer::RootOf(std::uint32_t node) const {
-  while (nodes_[node].parent != ToroTree::kNone) {
-    node = nodes_[node].parent;
-  }
-  return node;
-}
-
-// Fills path_from_ and path_to_. Where the ends hang below two fixed roots, the top is the map.
-void ToroOptimizer::FindPath(const Edge& edge) {
-  path_from_.clear();
-  path_to_.clear();
-  std::uint32_t a = edge.from;
-  std::uint32_t b = edge.to;
-  while (a != b) {
-    const bool a_is_root = nodes_[a].parent == ToroTree::kNone;
-    const bool b_is_root = nodes_[b].parent == ToroTree::kNone;
-    if (a_is_root && b_is_root) {
-      break;
-    }
-    if (b_is_root || (!a_is_root && nodes_[a].depth >= nodes_[b].depth)) {
-      path_from_.push_back(a);
-      a = nodes_[a].parent;
-    } else {
-      path_to_.push_back(b);
-      b = nodes_[b].parent;
-    }
-  }
-  std::reverse(path_from_.begin(), path_from_.end());
-  std::reverse(path_to_.begin(), path_to_.end());
-}
-
-void ToroOptimizer::AddToPath(std::uint32_t edge_index) {
-  Edge& edge = edges_[edge_index];
-  FindPath(edge);
-  edge.top_depth = !path_from_.empty() ? nodes_[path_from_.front()].depth - 1
-                   : !path_to_.empty() ? nodes_[path_to_.front()].depth - 1
-                                       : 0;
-  for (const std::vector<std::uint32_t>* path : {&path_from_, &path_to_}) {
-    for (const std::uint32_t node : *path) {
-      nodes_[node].rotation_stiffness += edge.rotation_weight;
-      nodes_[node].translation_stiffness += edge.translation_weight;
-      nodes_[node].constraints.push_back(edge_index);
-    }
-  }
-  order_is_stale_ = true;
-}
-
-// The new constraint must win as much as its information says against what is on its path already
-// (ICRA 2008, adaptive learning rates): its rate, and that of every constraint that shares a node
-// with it, becomes at least that part.
-void ToroOptimizer::RaiseRates(std::uint32_t edge_index) {
-  FindPath(edges_[edge_index]);
-  const double compliance = PathCompliance(&Node::translation_stiffness);
-  const double strength = edges_[edge_index].translation_weight * compliance;
+  const double strength = forest_.edges()[edge].weights.translation * compliance;
   const double rate = strength / (1.0 + strength);
-  edges_[edge_index].rate = 1.0;
-  for (const std::vector<std::uint32_t>* path : {&path_from_, &path_to_}) {
-    for (const std::uint32_t node : *path) {
-      for (const std::uint32_t other : nodes_[node].constraints) {
-        edges_[other].rate = std::max(edges_[other].rate, rate);
+  for (const std::vector<std::uint32_t>* half : {&path_.from_half, &path_.to_half}) {
+    for (const std::uint32_t node : *half) {
+      for (const std::uint32_t other : forest_.nodes()[node].through) {
+        rates_[other] = std::max(rates_[other], rate);
+        Activate(other);
       }
     }
   }
+  rates_[edge] = 1.0;
+  Activate(edge);
+}
+
+void ToroOptimizer::Activate(std::uint32_t edge) {
+  if (!is_active_[edge]) {
+    is_active_[edge] = true;
+    active_.push_back(edge);
+    patch_holds_active_ = false;
+  }
+}
+
+// Sets to rest whose rate is below. The patch may hold them on: it leaves out who has no rate.
+void ToroOptimizer::Rest(double rate_min) {
+  std::erase_if(active_, [&](std::uint32_t edge) {
+    if (rates_[edge] >= rate_min) {
+      return false;
+    }
+    rates_[edge] = 0.0;
+    is_active_[edge] = false;
+    return true;
+  });
 }
 
 std::size_t ToroOptimizer::Sweep() {
-  if (order_is_stale_) {
-    // Those nearest to the root first (RSS 2007): what they move, they move as a whole.
-    order_.resize(edges_.size());
-    std::iota(order_.begin(), order_.end(), 0U);
-    std::sort(order_.begin(), order_.end(), [this](std::uint32_t a, std::uint32_t b) {
-      return std::make_pair(edges_[a].top_depth, a) < std::make_pair(edges_[b].top_depth, b);
-    });
-    order_is_stale_ = false;
+  Rest(kRateMin);
+  if (active_.empty()) {
+    return 0;
   }
-  std::size_t active = 0;
-  for (const std::uint32_t index : order_) {
-    Edge& edge = edges_[index];
-    if (edge.rate < kRateMin) {
-      continue;
-    }
-    ++active;
-    FindPath(edge);
-    SpreadRotation(edge);
-    SpreadTranslation(edge);
-    edge.rate /= 1.0 + edge.rate;  // 1, 1/2, 1/3, ...
-  }
-  return active;
+  SweepPatch();
+  return active_.size();
 }
 
-// Sum of 1 / stiffness over the path.
-double ToroOptimizer::PathCompliance(double Node::*stiffness) const {
-  double sum = 0.0;
-  for (const std::vector<std::uint32_t>* path : {&path_from_, &path_to_}) {
-    for (const std::uint32_t node : *path) {
-      sum += 1.0 / std::max(kStiffnessMin, nodes_[node].*stiffness);
+void ToroOptimizer::SweepPatch() {
+  if (!patch_holds_active_) {
+    BuildSweepPatch();
+  }
+  for (std::size_t i = 0; i < patch_rates_.size(); ++i) {
+    patch_rates_[i] = rates_[patch_.label(i)];
+  }
+  patch_.Sweep(patch_rates_);
+  for (std::uint32_t i = 0; i < patch_nodes_.size(); ++i) {
+    if (patch_.Moves(i)) {
+      forest_.SetPose(patch_nodes_[i], patch_.ParentFromNode(i));
     }
   }
-  return sum;
-}
-
-// The pose of the path's last node in the frame of its top (in the map, where that is the top).
-Pose2 ToroOptimizer::PoseAtTop(const std::vector<std::uint32_t>& path, std::uint32_t end) const {
-  const std::uint32_t top = path.empty() ? end : nodes_[path.front()].parent;
-  Pose2 pose;
-  if (nodes_[top].parent == ToroTree::kNone) {
-    pose = nodes_[top].parent_from_node;
-  }
-  for (const std::uint32_t node : path) {
-    pose = pose * nodes_[node].parent_from_node;
-  }
-  return pose;
-}
-
-void ToroOptimizer::SpreadRotation(const Edge& edge) {
-  const double compliance = PathCompliance(&Node::rotation_stiffness);
-  if (compliance == 0.0) {
-    return;
-  }
-  const double error = WrapAngle(PoseAtTop(path_from_, edge.from).theta + edge.from_from_to.theta -
-                                 PoseAtTop(path_to_, edge.to).theta);
-  // One constraint against springs in a row would be met by w c / (1 + w c) of the error; the first
-  // sweeps take more, since the stiffness holds the constraint itself too.
-  const double part = std::min(1.0, edge.rate * edge.rotation_weight * compliance);
-  const double per_compliance = part * error / compliance;
-  const auto turn = [&](std::uint32_t index, double sign) {
-    Node& node = nodes_[index];
-    const double share = per_compliance / std::max(kStiffnessMin, node.rotation_stiffness);
-    node.parent_from_node.theta = WrapAngle(node.parent_from_node.theta + sign * share);
-  };
-  for (const std::uint32_t node : path_from_) {
-    turn(node, -1.0);
-  }
-  for (const std::uint32_t node : path_to_) {
-    turn(node, 1.0);
+  for (const std::uint32_t edge : active_) {
+    rates_[edge] /= 1.0 + rates_[edge];
   }
 }
 
-void ToroOptimizer::SpreadTranslation(const Edge& edge) {
-  const double compliance = PathCompliance(&Node::translation_stiffness);
-  if (compliance == 0.0) {
-    return;
-  }
-  const Pose2 top_from_from = PoseAtTop(path_from_, edge.from);
-  const Pose2 top_from_to = PoseAtTop(path_to_, edge.to);
-  const Eigen::Vector2d error =
-      top_from_from * edge.from_from_to.translation() - top_from_to.translation();
-  const double part = std::min(1.0, edge.rate * edge.translation_weight * compliance);
-  const Eigen::Vector2d per_compliance = part / compliance * error;
-  ShiftPath(path_from_, edge.from, -per_compliance);
-  ShiftPath(path_to_, edge.to, per_compliance);
-}
-
-// Shifts each node of the path against its parent by its share, given in the frame of the top.
-void ToroOptimizer::ShiftPath(const std::vector<std::uint32_t>& path,
-                              std::uint32_t end,
-                              const Eigen::Vector2d& per_compliance) {
-  double top_from_parent_rad =
-      PoseAtTop({}, path.empty() ? end : nodes_[path.front()].parent).theta;
-  for (const std::uint32_t index : path) {
-    Node& node = nodes_[index];
-    const double share = 1.0 / std::max(kStiffnessMin, node.translation_stiffness);
-    const Eigen::Vector2d shift =
-        Pose2{0.0, 0.0, -top_from_parent_rad} * (share * per_compliance).eval();
-    node.parent_from_node.x += shift.x();
-    node.parent_from_node.y += shift.y();
-    top_from_parent_rad += node.parent_from_node.theta;
-  }
-}
-
-std::vector<Pose2> ToroOptimizer::Poses() const {
-  std::vector<Pose2> poses(nodes_.size());
-  std::vector<bool> known(nodes_.size());
-  std::vector<std::uint32_t> pending;
-  for (std::uint32_t i = 0; i < nodes_.size(); ++i) {
-    std::uint32_t node = i;
-    while (node != ToroTree::kNone && !known[node]) {
-      pending.push_back(node);
-      node = nodes_[node].parent;
-    }
-    for (; !pending.empty(); pending.pop_back()) {
-      node = pending.back();
-      const std::uint32_t parent = nodes_[node].parent;
-      poses[node] = parent == ToroTree::kNone ? nodes_[node].parent_from_node
-                                              : poses[parent] * nodes_[node].parent_from_node;
-      known[node] = true;
+// Constraints nearest to the root come first (RSS 2007): what they move, they move as a whole.
+void ToroOptimizer::BuildSweepPatch() {
+  ClearPatch();
+  if (2 * active_.size() > forest_.edges().size()) {
+    for (const std::uint32_t node : forest_.TreeOrder()) {
+      PatchNode(node);  // neighbours in the tree become neighbours in memory
     }
   }
-  return poses;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> order;  // top depth, edge
+  order.reserve(active_.size());
+  for (const std::uint32_t edge : active_) {
+    forest_.FindPath(forest_.edges()[edge].ends, path_);
+    order.emplace_back(path_.top_depth, edge);
+  }
+  std::sort(order.begin(), order.end());
+  for (const auto& [top_depth, edge] : order) {
+    AddPatchConstraint(edge);
+  }
+  patch_rates_.resize(patch_.constraint_count());
+  patch_holds_active_ = true;
+}
+
+void ToroOptimizer::ClearPatch() {
+  for (const std::uint32_t node : patch_nodes_) {
+    patch_index_[node] = kAbsent;
+  }
+  patch_nodes_.clear();
+  has_stiffness_.clear();
+  patch_.Clear();
+  patch_holds_active_ = false;
+}
+
+void ToroOptimizer::AddPatchConstraint(std::uint32_t edge) {
+  const ToroForest::Edge& added = forest_.edges()[edge];
+  forest_.FindPath(added.ends, path_);
+  const std::uint32_t from = PatchNode(added.ends.from);
+  for (std::vector<std::uint32_t>* half : {&path_.from_half, &path_.to_half}) {
+    for (std::uint32_t& node : *half) {
+      const std::uint32_t index = PatchNode(node);
+      if (!has_stiffness_[index] && !forest_.nodes()[node].IsRoot()) {
+        has_stiffness_[index] = true;
+        patch_.SetStiffness(index, forest_.nodes()[node].stiffness);
+      }
+      node = index;
+    }
+  }
+  patch_.AddConstraint(added, from, path_, edge);
+}
+
+// The node's index in the patch; adds it, and those above it that are missing.
+std::uint32_t ToroOptimizer::PatchNode(std::uint32_t node) {
+  climbed_.clear();
+  for (; node != ToroTree::kNone && patch_index_[node] == kAbsent;
+       node = forest_.nodes()[node].parent) {
+    climbed_.push_back(node);
+  }
+  std::uint32_t index = node == ToroTree::kNone ? ToroPatch::kNone : patch_index_[node];
+  for (; !climbed_.empty(); climbed_.pop_back()) {
+    node = climbed_.back();
+    index = patch_.AddNode(index, forest_.nodes()[node].parent_from_node);
+    patch_index_[node] = index;
+    patch_nodes_.push_back(node);
+    has_stiffness_.push_back(false);
+  }
+  return index;
+}
+
+std::size_t ToroOptimizer::Update() {
+  Rest(kUpdateRateMin);
+  while (!active_.empty()) {
+    SweepPatch();
+    for (std::uint32_t i = 0; i < patch_nodes_.size(); ++i) {
+      if (patch_.Moves(i)) {
+        MarkUnsettled(patch_nodes_[i]);
+      }
+    }
+    Rest(kUpdateRateMin);
+  }
+  for (int round = 0; round < kUpdateRounds && !unsettled_.empty(); ++round) {
+    SettleRound();
+  }
+  return unsettled_.size();
+}
+
+void ToroOptimizer::MarkUnsettled(std::uint32_t node) {
+  if (!is_unsettled_[node] && !forest_.nodes()[node].IsRoot()) {
+    is_unsettled_[node] = true;
+    unsettled_.push_back(node);
+  }
+}
+
+// Settles those that wait, nearest to the root first.
+void ToroOptimizer::SettleRound() {
+  const auto& nodes = forest_.nodes();
+  std::sort(unsettled_.begin(), unsettled_.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return std::tie(nodes[a].depth, a) < std::tie(nodes[b].depth, b);
+  });
+  ClearPatch();
+  const std::size_t count = std::min(kRoundNodesMax, unsettled_.size());
+  edges_at_hand_.clear();
+  is_in_patch_.resize(forest_.edges().size(), false);
+  settling_.clear();
+  for (std::size_t i = 0; i < count; ++i) {
+    is_unsettled_[unsettled_[i]] = false;
+    settling_.push_back(PatchNode(unsettled_[i]));
+    for (const std::uint32_t edge : nodes[unsettled_[i]].through) {
+      if (!is_in_patch_[edge]) {
+        is_in_patch_[edge] = true;
+        edges_at_hand_.push_back(edge);
+      }
+    }
+  }
+  unsettled_.erase(unsettled_.begin(), unsettled_.begin() + static_cast<std::ptrdiff_t>(count));
+  for (const std::uint32_t edge : edges_at_hand_) {
+    is_in_patch_[edge] = false;
+    AddPatchConstraint(edge);
+  }
+  disturbed_.clear();
+  patch_.Settle(settling_, ToroPatch::SettleOptions{}, disturbed_);
+  for (const std::uint32_t index : settling_) {
+    forest_.SetPose(patch_nodes_[index], patch_.ParentFromNode(index));
+  }
+  for (const std::uint32_t index : disturbed_) {
+    MarkUnsettled(patch_nodes_[index]);
+  }
 }
 
 }  // namespace loci

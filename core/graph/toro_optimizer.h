@@ -6,24 +6,44 @@
 // Rizzini, C. Stachniss, E. Olson, W. Burgard: "Online Constraint Network Optimization for
 // Efficient Maximum Likelihood Map Learning" (ICRA 2008); G. Grisetti, C. Stachniss, W. Burgard:
 // "Nonlinear Constraint Network Optimization for Efficient Map Learning" (T-ITS 2009).
+//
+// What is minimised, and the two ways down, stand in toro_patch.h; the tree in toro_forest.h. Here
+// is when which constraint is worked on:
+//
+// A constraint's learning rate lambda says how much of its residual a sweep spreads over its path.
+// It starts at 1 and becomes lambda / (1 + lambda) with every sweep: 1, 1/2, 1/3 .., whose sum has
+// no bound while that of its squares has, as descent on one constraint after the other needs. Below
+// a least rate a constraint rests and costs nothing.
+//
+// A new constraint that closes a loop gets the rate 1. It must win as much as its information says
+// against what is on its path already: with the weight w and the path's compliance c (the sum of 1
+// / stiffness) that is w c / (1 + w c), and to that the rates of all constraints that share a node
+// with its path are raised (ICRA 2008: adaptive learning rates). All others keep theirs, mostly 0.
+// The sweeps of an update close the loop in this way; what they leave behind, Settle smooths, from
+// the path outwards, as far as moving a node still gains something. So the work does not depend on
+// the size of the graph, and old parts are only moved to where they fit better.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "core/graph/pose_graph.h"
-#include "core/graph/toro_tree.h"
+#include "core/graph/toro_forest.h"
+#include "core/graph/toro_patch.h"
+#include "core/graph/toro_paths.h"
 
 namespace loci {
 
 // Robust against a bad start and cheap per sweep, but not exact: finish with OptimizeSparse.
 //
-// Batch: construct from a graph, Sweep() some times. Incremental: AddNode and AddConstraint between
-// sweeps; only constraints near the new ones regain a learning rate and are worked on, so that the
-// rest does not spring open. Deterministic. Point constraints take no part.
+// Batch: construct from a graph, Sweep() some times. Incremental: AddNode and AddConstraint, and
+// Update() after each node. Deterministic. No sweep but the first after a change of the graph asks
+// for memory.
+//
+// Fixed nodes keep their poses to the bit, and so does the lowest node of a component without one.
+// Priors and point constraints take no part, and robust kernels neither: a component that priors
+// tie to the map descends as if it were alone, and the exact finish brings it to them.
 class ToroOptimizer {
  public:
   // Starts at the graph's poses, every constraint at its full learning rate. The graph must be
@@ -35,62 +55,54 @@ class ToroOptimizer {
 
   // A new constraint, which must be valid. The first one of a new node hangs it into the tree, at
   // the pose that the constraint says. One that joins two components moves the later one as a
-  // whole. Every other one raises the learning rates of those whose paths share a node with its
-  // path.
+  // whole. Every other one closes a loop, and raises learning rates.
   void AddConstraint(const GraphConstraint& constraint);
 
   // One pass over the constraints that still have a learning rate; returns how many they were.
   std::size_t Sweep();
 
+  // A few sweeps over the constraints whose rates were raised, which then rest, and settling of
+  // the nodes around. Where no loop was closed it returns at once. Bounded: what a large closure
+  // leaves to be done, the next updates do. Returns how many nodes wait for them.
+  std::size_t Update();
+
   // Poses of all nodes, composed from the roots.
-  std::vector<Pose2> Poses() const;
+  std::vector<Pose2> Poses() const { return forest_.Poses(); }
 
  private:
-  // A node hangs below its parent; what a constraint spreads over the tree, it spreads over the
-  // poses of the nodes on its path in their parents' frames.
-  struct Node {
-    Pose2 parent_from_node;  // map_from_node for roots
-    std::uint32_t parent = ToroTree::kNone;
-    std::uint32_t depth = 0;
-    bool joined = false;                 // some constraint names it
-    double rotation_stiffness = 0.0;     // sum of the weights of all constraints whose path is here
-    double translation_stiffness = 0.0;  // the same, of translations
-    std::vector<std::uint32_t> constraints;  // those
-  };
-  struct Edge {
-    std::uint32_t from = 0;
-    std::uint32_t to = 0;
-    Pose2 from_from_to;
-    double rotation_weight = 0.0;     // 1 / rad^2
-    double translation_weight = 0.0;  // 1 / m^2, the mean of both directions
-    double rate = 1.0;
-    std::uint32_t top_depth = 0;  // of the node where both halves of its path meet
-  };
+  static constexpr std::uint32_t kAbsent = ToroTree::kNone;
 
-  void AddEdge(const GraphConstraint& constraint);
-  void Rebuild(const std::vector<Pose2>& map_from_node);
-  void HangNode(std::uint32_t node, std::uint32_t parent, const Pose2& parent_from_node);
-  void JoinComponents(std::uint32_t edge);
-  void AddToPath(std::uint32_t edge);
   void RaiseRates(std::uint32_t edge);
-  std::uint32_t RootOf(std::uint32_t node) const;
-  void FindPath(const Edge& edge);
-  double PathCompliance(double Node::*stiffness) const;
-  void SpreadRotation(const Edge& edge);
-  void SpreadTranslation(const Edge& edge);
-  Pose2 PoseAtTop(const std::vector<std::uint32_t>& path, std::uint32_t end) const;
-  void ShiftPath(const std::vector<std::uint32_t>& path,
-                 std::uint32_t end,
-                 const Eigen::Vector2d& per_compliance);
+  void Activate(std::uint32_t edge);
+  void Rest(double rate_min);
+  void BuildSweepPatch();
+  void SweepPatch();
+  void SettleRound();
+  void MarkUnsettled(std::uint32_t node);
+  void ClearPatch();
+  void AddPatchConstraint(std::uint32_t edge);
+  std::uint32_t PatchNode(std::uint32_t node);
 
-  PoseGraph graph_;  // its poses are those of the last Rebuild
-  std::vector<Node> nodes_;
-  std::vector<Edge> edges_;
-  std::vector<std::uint32_t> order_;  // of the edges in a sweep
-  bool order_is_stale_ = true;
-  // The two halves of the path at hand, each from below the top down to `from` and to `to`.
-  std::vector<std::uint32_t> path_from_;
-  std::vector<std::uint32_t> path_to_;
+  ToroForest forest_;
+  std::vector<double> rates_;             // by edge
+  std::vector<std::uint32_t> active_;     // edges whose rate is not 0, once each
+  std::vector<bool> is_active_;           // by edge
+  std::vector<std::uint32_t> unsettled_;  // nodes to settle, once each
+  std::vector<bool> is_unsettled_;        // by node
+
+  ToroPatch patch_;
+  bool patch_holds_active_ = false;         // as the tree is now
+  std::vector<std::uint32_t> patch_index_;  // by node; kAbsent outside the patch
+  std::vector<std::uint32_t> patch_nodes_;  // by index in the patch
+  // Memory of the functions, used again.
+  std::vector<double> patch_rates_;
+  std::vector<bool> has_stiffness_;  // by index in the patch
+  std::vector<bool> is_in_patch_;    // by edge
+  std::vector<std::uint32_t> climbed_;
+  std::vector<std::uint32_t> settling_;
+  std::vector<std::uint32_t> disturbed_;
+  std::vector<std::uint32_t> edges_at_hand_;
+  ToroPath path_;
 };
 
 }  // namespace loci
