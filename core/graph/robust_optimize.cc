@@ -132,13 +132,18 @@ void OptimizeFromTwoStarts(const SparseOptions& options, PoseGraph& graph) {
   }
 }
 
-void OptimizeByKernel(RobustMethod method, SparseOptions options, PoseGraph& graph) {
+void OptimizeByKernel(RobustMethod method,
+                      SparseOptions options,
+                      PoseGraph& graph,
+                      RobustSummary& summary) {
   options.kernel = KernelOf(method);
   PoseGraph placed = graph;
   PlaceByTrusted(placed);
-  if (CostOf(placed, options.kernel) < CostOf(graph, options.kernel)) {
+  summary.began_at_trusted = CostOf(placed, options.kernel) < CostOf(graph, options.kernel);
+  if (summary.began_at_trusted) {
     graph = std::move(placed);
   }
+  summary.chi2_start = Chi2(graph);
   if (method == RobustMethod::kGemanMcClure) {
     OptimizeGraduated(options, graph);
   } else if (method == RobustMethod::kHuber) {
@@ -148,9 +153,10 @@ void OptimizeByKernel(RobustMethod method, SparseOptions options, PoseGraph& gra
   }
 }
 
-// Returns the covariances' scale.
-double OptimizeByConsistency(const SparseOptions& options, PoseGraph& graph) {
+void OptimizeByConsistency(const SparseOptions& options, PoseGraph& graph, RobustSummary& summary) {
   PlaceByTrusted(graph);
+  summary.began_at_trusted = true;
+  summary.chi2_start = Chi2(graph);
   GraphSelection believed = TrustedOf(graph);
   OptimizePart(believed, options, graph);
   const ClosureClusters clusters = FindClosureClusters(graph);
@@ -165,7 +171,7 @@ double OptimizeByConsistency(const SparseOptions& options, PoseGraph& graph) {
     OptimizeSparse(part, with_kernel);
     TakePoses(std::move(part), graph);
   }
-  return clusters.covariance_scale;
+  summary.covariance_scale = clusters.covariance_scale;
 }
 
 template <typename Term>
@@ -220,6 +226,13 @@ std::optional<RobustMethod> RobustMethodFromName(std::string_view name) {
   return std::nullopt;
 }
 
+void MarkClosures(PoseGraph& graph) {
+  for (GraphConstraint& constraint : graph.constraints) {
+    const auto [earlier, later] = std::minmax(constraint.from, constraint.to);
+    constraint.robust = later - earlier > 1;
+  }
+}
+
 StatusOr<RobustSummary> OptimizeRobustly(PoseGraph& graph, const RobustOptions& options) {
   LOCI_RETURN_IF_ERROR(ValidateGraph(graph));
   RobustSummary summary;
@@ -227,16 +240,17 @@ StatusOr<RobustSummary> OptimizeRobustly(PoseGraph& graph, const RobustOptions& 
   SparseOptions plain = options.sparse;
   plain.kernel = {};
   if (options.method == RobustMethod::kNone) {
+    summary.chi2_start = chi2_before;
     summary.accepted = AllOf(graph);
     summary.optimization = OptimizeSparse(graph, plain);
     return summary;
   }
   double closure_scale = 1.0;
   if (options.method == RobustMethod::kConsistent) {
-    summary.covariance_scale = OptimizeByConsistency(plain, graph);
+    OptimizeByConsistency(plain, graph, summary);
     closure_scale = std::min(1.0, kFinalGateFactor * summary.covariance_scale);
   } else {
-    OptimizeByKernel(options.method, plain, graph);
+    OptimizeByKernel(options.method, plain, graph, summary);
   }
   Select(plain, closure_scale, graph, summary);
   summary.optimization.chi2_before = chi2_before;

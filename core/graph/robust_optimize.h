@@ -2,6 +2,7 @@
 // Optimisation of a pose graph in which constraints marked `robust` may be wrong.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -24,6 +25,13 @@ enum class RobustMethod : std::uint8_t {
   kConsistent,         // core/graph/closure_growth.h
 };
 
+inline constexpr std::array kRobustMethods = {RobustMethod::kNone,
+                                              RobustMethod::kHuber,
+                                              RobustMethod::kCauchy,
+                                              RobustMethod::kGemanMcClure,
+                                              RobustMethod::kDynamicCovariance,
+                                              RobustMethod::kConsistent};
+
 // "none", "huber", "cauchy", "geman-mcclure", "dcs", "consistent".
 std::string_view RobustMethodName(RobustMethod method);
 std::optional<RobustMethod> RobustMethodFromName(std::string_view name);
@@ -36,12 +44,19 @@ struct RobustOptions {
 };
 
 struct RobustSummary {
-  // "before": at the given poses. "after" and `converged`: of the accepted constraints only.
+  // "before": at the given poses, of all constraints. "after", `converged` and `iterations`: of the
+  // last optimisation, over the accepted constraints only.
   OptimizationSummary optimization;
-  GraphSelection accepted;  // with all that is not robust
+  bool began_at_trusted = false;  // at the poses that follow from the trusted constraints
+  double chi2_start = 0.0;        // where it began, of all constraints
+  GraphSelection accepted;        // with all that is not robust
   // The part of the stated covariances that kConsistent found the errors to have; 1 elsewhere.
   double covariance_scale = 1.0;
 };
+
+// Marks the constraints between nodes that do not follow each other as robust, and no others: where
+// nodes are numbered along the robot's path, all but its odometry.
+void MarkClosures(PoseGraph& graph);
 
 // Moves `graph` to the optimum over the constraints that it accepts: those that are not robust, and
 // those whose chi2 there passes its gate. Fixed order throughout: the same graph gives the same

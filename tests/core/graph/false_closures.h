@@ -15,15 +15,6 @@
 
 namespace loci {
 
-// Constraints between nodes that do not follow each other are closures, which may be wrong; the
-// public graphs number their nodes along the path.
-inline void MarkClosuresRobust(PoseGraph& graph) {
-  for (GraphConstraint& constraint : graph.constraints) {
-    const std::uint32_t low = std::min(constraint.from, constraint.to);
-    constraint.robust = std::max(constraint.from, constraint.to) - low > 1;
-  }
-}
-
 struct FalseClosureOptions {
   std::uint64_t seed = 1;
   std::size_t count = 1000;

@@ -16,13 +16,6 @@
 namespace loci {
 namespace {
 
-constexpr RobustMethod kMethods[] = {RobustMethod::kNone,
-                                     RobustMethod::kHuber,
-                                     RobustMethod::kCauchy,
-                                     RobustMethod::kGemanMcClure,
-                                     RobustMethod::kDynamicCovariance,
-                                     RobustMethod::kConsistent};
-
 PoseGraph Optimum(PoseGraph graph) {
   OptimizeSparse(graph, SparseOptions{});
   return graph;
@@ -37,7 +30,7 @@ PoseGraph WithFalseClosures(const PoseGraph& optimum, const FalseClosureOptions&
 }
 
 TEST(RobustOptimizeTest, NamesAreReadBack) {
-  for (const RobustMethod method : kMethods) {
+  for (const RobustMethod method : kRobustMethods) {
     EXPECT_EQ(RobustMethodFromName(RobustMethodName(method)), method);
   }
   EXPECT_EQ(RobustMethodName(RobustMethod::kGemanMcClure), "geman-mcclure");
@@ -46,7 +39,7 @@ TEST(RobustOptimizeTest, NamesAreReadBack) {
 
 TEST(RobustOptimizeTest, EveryMethodButNoneRefusesOneWrongClosureOfAnEasyGraph) {
   const PoseGraph optimum = Optimum(RandomLoopGraph(71, 120));
-  for (const RobustMethod method : kMethods) {
+  for (const RobustMethod method : kRobustMethods) {
     PoseGraph graph = WithFalseClosures(optimum, {72, 1, 1});
     RobustOptions options;
     options.method = method;
@@ -65,6 +58,21 @@ TEST(RobustOptimizeTest, EveryMethodButNoneRefusesOneWrongClosureOfAnEasyGraph) 
                 Chi2(PartOf(graph, summary->accepted)),
                 1e-9 * summary->optimization.chi2_after);
   }
+}
+
+TEST(RobustOptimizeTest, ClosuresAreTheConstraintsBetweenNodesThatDoNotFollowEachOther) {
+  PoseGraph graph;
+  graph.map_from_node.resize(5);
+  for (const auto& [from, to] : {std::pair{0U, 1U}, {2U, 1U}, {1U, 3U}, {4U, 0U}}) {
+    graph.constraints.push_back({from, to});
+  }
+  graph.constraints[0].robust = true;
+  MarkClosures(graph);
+  std::vector<bool> marked;
+  for (const GraphConstraint& constraint : graph.constraints) {
+    marked.push_back(constraint.robust);
+  }
+  EXPECT_EQ(marked, (std::vector<bool>{false, false, true, true}));
 }
 
 class FalseClosuresTest : public testing::TestWithParam<std::size_t> {};
@@ -199,7 +207,7 @@ TEST(RobustOptimizeTest, WrongPriorsAndPointsAreRefusedToo) {
 }
 
 TEST(RobustOptimizeTest, RefusesAnInvalidGraphAndTakesGraphsThatAreHardlyGraphs) {
-  for (const RobustMethod method : kMethods) {
+  for (const RobustMethod method : kRobustMethods) {
     RobustOptions options;
     options.method = method;
     PoseGraph invalid = RandomLoopGraph(75, 30);

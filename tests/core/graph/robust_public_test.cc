@@ -35,7 +35,7 @@ TEST_P(PublicFalseClosuresTest, ConsistencyKeepsTheMap) {
   StatusOr<G2oGraph> parsed = ParseG2o(text);
   ASSERT_THAT(parsed, IsOk());
   PoseGraph optimum = parsed->plane;
-  MarkClosuresRobust(optimum);
+  MarkClosures(optimum);
   PlaceByTree(BreadthFirstTree(optimum), optimum);
   OptimizeSparse(optimum, SparseOptions{});
   ASSERT_LT(Chi2(optimum), 1.0001 * GetParam().optimum_chi2);
