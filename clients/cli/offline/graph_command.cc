@@ -63,6 +63,7 @@ Status RunOptimize(Context& context, const OptimizeArguments& arguments) {
   report.in = arguments.in;
   report.out = arguments.out;
   report.method = arguments.request.incremental ? "incremental" : arguments.request.method;
+  report.robust = arguments.request.robust;
   const auto begin = std::chrono::steady_clock::now();
   LOCI_ASSIGN_OR_RETURN(G2oGraph graph, ReadGraph(arguments.in));
   report.read_s = SecondsSince(begin);
@@ -111,6 +112,15 @@ std::vector<Argument> ArgumentsInto(OptimizeArguments& arguments) {
        .help =
            "Add pose by pose in the order of the file, near the optimum after each, say what a "
            "step costs, and finish as a whole. Not for priors, fixed points and graphs in space"},
+      {.name = "--robust",
+       .target = &arguments.request.robust,
+       .help = "Closures, the constraints between nodes that do not follow each other in the file, "
+               "may be wrong: those that are refused are left out of the result. consistent: by "
+               "which of them agree, without any start; for many closures of which many are "
+               "wrong. huber, cauchy, geman-mcclure (graduated), dcs (dynamic covariance "
+               "scaling): by a kernel; for a start near the map, or few that are wrong. Not for "
+               "graphs in space",
+       .choices = SolveRobustMethods()},
       {.name = "--sweeps", .target = &arguments.request.sweeps, .help = "Of --method toro (100)"}};
 }
 
@@ -129,7 +139,8 @@ std::vector<Command> MakeGraphCommands() {
       "graph optimize intel.g2o --out optimised.g2o\n"
       "graph optimize manhattan.g2o --out swept.g2o --method toro --sweeps 50 --json\n"
       "graph optimize sphere.g2o --out sphere_opt.g2o --method gauss-newton --start chordal\n"
-      "graph optimize manhattan.g2o --out grown.g2o --incremental";
+      "graph optimize manhattan.g2o --out grown.g2o --incremental\n"
+      "graph optimize matched.g2o --out true.g2o --robust consistent --json";
   command.arguments = ArgumentsInto(*arguments);
   command.needs_server = false;
   command.run = [arguments](Context& context) { return RunOptimize(context, *arguments); };

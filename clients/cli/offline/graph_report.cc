@@ -69,6 +69,19 @@ void AddSolve(const GraphReport& report, JsonWriter& json) {
   json.EndArray();
 }
 
+// Nodes by their ids in the file.
+void AddClosures(const ClosureReport& closures, const G2oGraph& graph, JsonWriter& json) {
+  json.Key("closures").BeginObject().Key("accepted").Value(closures.accepted_count);
+  json.Key("refused").Value(std::uint64_t{closures.refused.size()});
+  json.Key("refused_constraints").BeginArray();
+  for (const RefusedClosure& refused : closures.refused) {
+    json.BeginObject().Key("from").Value(graph.node_ids[refused.from]);
+    json.Key("to").Value(graph.node_ids[refused.to]);
+    json.Key("chi2").Value(refused.chi2).EndObject();
+  }
+  json.EndArray().EndObject();
+}
+
 }  // namespace
 
 std::string SkippedText(const G2oGraph& graph) {
@@ -85,13 +98,17 @@ std::string JsonOf(const GraphReport& report, const G2oGraph& graph) {
   const Counts counts = CountsOf(graph);
   JsonWriter json;
   json.BeginObject().Key("in").Value(report.in).Key("out").Value(report.out);
-  json.Key("method").Value(report.method).Key("start").Value(report.solve.start);
+  json.Key("method").Value(report.method).Key("robust").Value(report.robust);
+  json.Key("start").Value(report.solve.start);
   json.Key("dimension").Value(std::int64_t{graph.in_space() ? 3 : 2});
   json.Key("poses").Value(counts.poses).Key("points").Value(counts.points);
   json.Key("constraints").Value(counts.constraints).Key("priors").Value(counts.priors);
   json.Key("components").Value(counts.components);
   json.Key("zero_informations").Value(counts.zero_informations);
   AddSolve(report, json);
+  if (report.solve.closures.has_value()) {
+    AddClosures(*report.solve.closures, graph, json);
+  }
   json.Key("skipped").BeginObject();
   for (const auto& [tag, records] : graph.skipped) {
     json.Key(tag).Value(records);
@@ -135,6 +152,11 @@ std::string TextOf(const GraphReport& report, const G2oGraph& graph) {
         << FixedText(solve.steps->median_ms, 3) << " in the middle, "
         << FixedText(solve.steps->p95_ms, 3) << " at 95 %, " << FixedText(solve.steps->max_ms, 3)
         << " at most";
+  }
+  if (solve.closures.has_value()) {
+    out << '\n'
+        << solve.closures->accepted_count << " closures accepted, "
+        << solve.closures->refused.size() << " refused and left out";
   }
   out << "\nread " << FixedText(report.read_s, 3) << " s, starts " << FixedText(solve.start_s, 3)
       << " s, solved " << FixedText(solve.solve_s, 3) << " s, wrote " << report.out << '\n';

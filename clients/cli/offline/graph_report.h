@@ -13,12 +13,13 @@ struct GraphReport {
   std::string in;
   std::string out;
   std::string method;
+  std::string robust;
   SolveReport solve;
   double read_s = 0.0;
   double write_s = 0.0;
 };
 
-// One line.
+// One line. `graph` is the result, without refused closures, and so are the counts.
 std::string JsonOf(const GraphReport& report, const G2oGraph& graph);
 // For people.
 std::string TextOf(const GraphReport& report, const G2oGraph& graph);

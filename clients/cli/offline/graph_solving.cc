@@ -9,6 +9,8 @@
 #include <utility>
 
 #include "clients/cli/offline/graph_replay.h"
+#include "core/graph/graph_selection.h"
+#include "core/graph/robust_optimize.h"
 #include "core/graph/space_problem.h"
 #include "core/graph/toro_optimizer.h"
 #include "core/graph/toro_tree.h"
@@ -154,6 +156,68 @@ StatusOr<SolveReport> SolveIncrementally(const SolveRequest& /*request*/, SpaceG
       "--incremental: the file has VERTEX_SE3:QUAT; graphs in space are optimised as a whole only");
 }
 
+Status CheckRobust(const SolveRequest& request) {
+  if (request.incremental || request.method == "toro") {
+    return InvalidArgumentError(
+        "--robust: is for graphs as a whole, must not come with " +
+        std::string(request.incremental ? "--incremental" : "--method toro"));
+  }
+  if (request.robust == RobustMethodName(RobustMethod::kConsistent) &&
+      request.start != kAutoStart) {
+    return InvalidArgumentError(
+        "--robust consistent: begins at what follows without closures, must not come with --start");
+  }
+  return {};
+}
+
+// Takes the refused closures out of the graph. Points and priors are trusted: none is refused.
+ClosureReport RemoveRefused(const GraphSelection& accepted, PoseGraph& graph) {
+  ClosureReport report;
+  for (std::size_t i = 0; i < graph.constraints.size(); ++i) {
+    const GraphConstraint& constraint = graph.constraints[i];
+    if (!accepted.constraints[i]) {
+      report.refused.push_back({constraint.from, constraint.to, Chi2Of(graph, constraint)});
+    } else if (constraint.robust) {
+      ++report.accepted_count;
+    }
+  }
+  graph = PartOf(graph, accepted);
+  return report;
+}
+
+StatusOr<SolveReport> SolveRobustly(const SolveRequest& request, PoseGraph& graph) {
+  LOCI_RETURN_IF_ERROR(CheckRobust(request));
+  const std::optional<RobustMethod> method = RobustMethodFromName(request.robust);
+  if (!method.has_value()) {
+    return InvalidArgumentError("--robust: there is no method " + request.robust);
+  }
+  SolveReport report;
+  const double chi2_before = Chi2(graph);
+  report.start = GraphStartName(GraphStart::kGiven);
+  if (request.start != kAutoStart) {
+    LOCI_RETURN_IF_ERROR(GoToStart(request.start, graph, report));
+  }
+  MarkClosures(graph);
+  RobustOptions options;
+  options.method = *method;
+  options.sparse = SparseOptionsOf(request);
+  const double begin_s = NowSeconds();
+  LOCI_ASSIGN_OR_RETURN(const RobustSummary summary, OptimizeRobustly(graph, options));
+  report.solve_s = NowSeconds() - begin_s;
+  report.summary = summary.optimization;
+  report.summary.chi2_before = chi2_before;
+  report.chi2_start = summary.chi2_start;
+  if (summary.began_at_trusted) {
+    report.start = "without-closures";
+  }
+  report.closures = RemoveRefused(summary.accepted, graph);
+  return report;
+}
+
+StatusOr<SolveReport> SolveRobustly(const SolveRequest& /*request*/, SpaceGraph& /*graph*/) {
+  return UnimplementedError("--robust: not for graphs in space (VERTEX_SE3:QUAT)");
+}
+
 template <typename Graph>
 StatusOr<SolveReport> SolveAny(const SolveRequest& request, Graph& graph) {
   LOCI_RETURN_IF_ERROR(ValidateGraph(graph));
@@ -161,6 +225,9 @@ StatusOr<SolveReport> SolveAny(const SolveRequest& request, Graph& graph) {
     return UnimplementedError(
         "--method ceres: this program is built without Ceres, which would bring the terms of the "
         "GPL (docs/licences.md); the tests hold auto against it");
+  }
+  if (request.robust != RobustMethodName(RobustMethod::kNone)) {
+    return SolveRobustly(request, graph);
   }
   if (request.incremental) {
     LOCI_RETURN_IF_ERROR(CheckIncremental(request));
@@ -185,6 +252,14 @@ std::vector<std::string> SolveStarts() {
   std::vector<std::string> names = {std::string(kAutoStart)};
   for (const GraphStart start : StartsFor(PoseGraph{})) {
     names.emplace_back(GraphStartName(start));
+  }
+  return names;
+}
+
+std::vector<std::string> SolveRobustMethods() {
+  std::vector<std::string> names;
+  for (const RobustMethod method : kRobustMethods) {
+    names.emplace_back(RobustMethodName(method));
   }
   return names;
 }

@@ -21,10 +21,12 @@ struct SolveRequest {
   std::string start = "auto";   // one of SolveStarts()
   std::uint64_t sweeps = 100;   // of the method toro
   bool incremental = false;
+  std::string robust = "none";  // one of SolveRobustMethods()
 };
 
 std::vector<std::string> SolveMethods();
 std::vector<std::string> SolveStarts();
+std::vector<std::string> SolveRobustMethods();
 
 // Times of the steps of an incremental run, one per node.
 struct StepTimes {
@@ -36,16 +38,30 @@ struct StepTimes {
 };
 StepTimes SummariseSteps(std::vector<double> seconds);
 
+// What a robust method made of the closures: the constraints between nodes that do not follow each
+// other in the file.
+struct RefusedClosure {
+  std::uint32_t from = 0;
+  std::uint32_t to = 0;
+  double chi2 = 0.0;  // at the result
+};
+struct ClosureReport {
+  std::uint64_t accepted_count = 0;
+  std::vector<RefusedClosure> refused;
+};
+
 struct SolveReport {
   OptimizationSummary summary;  // "before" is at the poses of the file
   std::string start;            // from which the result comes
   double chi2_start = 0.0;      // there; of an incremental run after the last step
   double start_s = 0.0;         // spent on starts, or on the steps
   double solve_s = 0.0;
-  std::vector<StartAttempt> attempts;  // if several were tried
-  std::optional<StepTimes> steps;      // of an incremental run
+  std::vector<StartAttempt> attempts;     // if several were tried
+  std::optional<StepTimes> steps;         // of an incremental run
+  std::optional<ClosureReport> closures;  // of a robust method
 };
 
+// A robust method takes the closures that it refuses out of the graph.
 // Errors: kUnimplemented for what there is not for such a graph or in this program,
 // kInvalidArgument for options that exclude each other.
 StatusOr<SolveReport> Solve(const SolveRequest& request, PoseGraph& graph);

@@ -2,6 +2,7 @@
 // `loci graph optimize` from words to file.
 #include "clients/cli/offline/graph_command.h"
 
+#include <cstddef>
 #include <fstream>
 #include <iterator>
 #include <sstream>
@@ -13,6 +14,7 @@
 
 #include "clients/cli/command_line.h"
 #include "core/graph/g2o_format.h"
+#include "tests/core/graph/random_graph.h"
 #include "tests/support/matchers.h"
 #include "tests/support/temporary_directory.h"
 
@@ -20,6 +22,7 @@ namespace loci::cli {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 // A square with one noisy corner, two of its records not of the graph.
 constexpr std::string_view kSquare =
@@ -50,6 +53,11 @@ class GraphCommandTest : public testing::Test {
   std::ostringstream error_;
 };
 
+double NumberAfter(const std::string& key, const std::string& json) {
+  const std::size_t at = json.find(key);
+  return at == std::string::npos ? -1.0 : std::stod(json.substr(at + key.size()));
+}
+
 TEST_F(GraphCommandTest, WritesEveryVertexAndTheChi2ThatItPrints) {
   const std::string in = Write("in.g2o", kSquare);
   for (const std::string method : {"auto", "toro", "gauss-newton", "levenberg-marquardt"}) {
@@ -61,10 +69,8 @@ TEST_F(GraphCommandTest, WritesEveryVertexAndTheChi2ThatItPrints) {
     ASSERT_THAT(written, IsOk());
     EXPECT_EQ(written->node_ids, (std::vector<std::int64_t>{10, 11, 12, 13}));
     EXPECT_EQ(written->plane.constraints.size(), 4U);
-    const std::string key = "\"chi2_after\":";
     const std::string json = out_.str();
-    ASSERT_THAT(json, HasSubstr(key));
-    const double printed = std::stod(json.substr(json.find(key) + key.size()));
+    const double printed = NumberAfter("\"chi2_after\":", json);
     EXPECT_NEAR(printed, Chi2(written->plane), 1e-9 * printed);
     EXPECT_LT(printed, 2.0);
     EXPECT_THAT(json, HasSubstr("\"ROBOTLASER1\":2"));
@@ -145,6 +151,77 @@ TEST_F(GraphCommandTest, GrowsAGraphPoseByPose) {
   EXPECT_THAT(out_.str(), HasSubstr("a step took "));
 }
 
+// Three rounds of a square, node ids from 100, with a last constraint that is wrong.
+std::string GraphWithAWrongClosure() {
+  G2oGraph graph;
+  graph.plane = RandomLoopGraph(71, 60);
+  graph.plane.constraints.push_back(
+      {5, 37, Pose2{}, graph.plane.constraints.front().information, true});
+  for (std::int64_t i = 0; i < 60; ++i) {
+    graph.node_ids.push_back(100 + i);
+  }
+  return PrintG2o(graph);
+}
+
+TEST_F(GraphCommandTest, RefusesAWrongClosureNamesItAndLeavesItOut) {
+  const std::string in = Write("in.g2o", GraphWithAWrongClosure());
+  for (const std::string robust : {"huber", "cauchy", "geman-mcclure", "dcs", "consistent"}) {
+    ASSERT_EQ(
+        Run({"graph", "optimize", in, "--out", Path("out.g2o"), "--robust", robust, "--json"}),
+        ExitCode::kDone)
+        << error_.str();
+    const std::string json = out_.str();
+    EXPECT_THAT(json, HasSubstr("\"robust\":\"" + robust + "\""));
+    EXPECT_THAT(json, HasSubstr("{\"from\":105,\"to\":137,\"chi2\":"));
+    const double refused = NumberAfter("\"refused\":", json);
+    EXPECT_LE(refused, robust == "consistent" ? 1.0 : 3.0);
+    EXPECT_EQ(NumberAfter("\"accepted\":", json) + refused, 41.0);
+    EXPECT_EQ(NumberAfter("\"constraints\":", json) + refused, 100.0);
+    const StatusOr<G2oGraph> written = ParseG2o(Read("out.g2o"));
+    ASSERT_THAT(written, IsOk());
+    EXPECT_EQ(static_cast<double>(written->plane.constraints.size()) + refused, 100.0);
+    const double printed = NumberAfter("\"chi2_after\":", json);
+    EXPECT_NEAR(printed, Chi2(written->plane), 1e-9 * printed);
+  }
+  ASSERT_EQ(Run({"graph", "optimize", in, "--out", Path("out.g2o"), "--robust", "consistent"}),
+            ExitCode::kDone);
+  EXPECT_THAT(out_.str(), HasSubstr("40 closures accepted, 1 refused and left out"));
+}
+
+TEST_F(GraphCommandTest, BelievesAllConstraintsUnlessToldOtherwise) {
+  const std::string in = Write("in.g2o", GraphWithAWrongClosure());
+  ASSERT_EQ(Run({"graph", "optimize", in, "--out", Path("out.g2o"), "--json"}), ExitCode::kDone);
+  EXPECT_THAT(out_.str(), HasSubstr("\"robust\":\"none\""));
+  EXPECT_THAT(out_.str(), HasSubstr("\"constraints\":100,"));
+  EXPECT_THAT(out_.str(), Not(HasSubstr("closures")));
+}
+
+TEST_F(GraphCommandTest, KernelsBeginWhereTheyAreTold) {
+  const std::string in = Write("in.g2o", GraphWithAWrongClosure());
+  ASSERT_EQ(
+      Run({"graph", "optimize", in, "--out", Path("true.g2o"), "--robust", "consistent", "--json"}),
+      ExitCode::kDone);
+  EXPECT_THAT(out_.str(), HasSubstr("\"start\":\"without-closures\""));
+  // The true map with the wrong closure in it: a start that a kernel keeps.
+  StatusOr<G2oGraph> solved = ParseG2o(Read("true.g2o"));
+  ASSERT_THAT(solved, IsOk());
+  solved->plane.constraints.push_back({5, 37, Pose2{}, 400.0 * Eigen::Matrix3d::Identity(), true});
+  const std::string near = Write("near.g2o", PrintG2o(*solved));
+  ASSERT_EQ(Run({"graph",
+                 "optimize",
+                 near,
+                 "--out",
+                 Path("out.g2o"),
+                 "--robust",
+                 "cauchy",
+                 "--start",
+                 "file",
+                 "--json"}),
+            ExitCode::kDone);
+  EXPECT_THAT(out_.str(), HasSubstr("\"start\":\"file\""));
+  EXPECT_THAT(out_.str(), HasSubstr("\"refused\":1,"));
+}
+
 TEST_F(GraphCommandTest, SaysWhatDoesNotGoTogether) {
   const auto expect_refused =
       [&](const std::string& in, const std::vector<std::string>& options, const std::string& why) {
@@ -160,6 +237,14 @@ TEST_F(GraphCommandTest, SaysWhatDoesNotGoTogether) {
   const std::string square = square_with("in.g2o", "");
   expect_refused(square, {"--incremental", "--start", "tree"}, "must not come with --start");
   expect_refused(square, {"--incremental", "--method", "toro"}, "must not come with --method toro");
+  expect_refused(square,
+                 {"--robust", "dcs", "--incremental"},
+                 "--robust: is for graphs as a whole, must not come with --incremental");
+  expect_refused(square,
+                 {"--robust", "dcs", "--method", "toro"},
+                 "--robust: is for graphs as a whole, must not come with --method toro");
+  expect_refused(
+      square, {"--robust", "consistent", "--start", "tree"}, "must not come with --start");
   expect_refused(square_with("fix.g2o", "EDGE_PRIOR_SE2_XY 10 0 0 1 0 1\n"),
                  {"--incremental"},
                  "EDGE_PRIOR_SE2_XY, which only a graph as a whole can have");
@@ -175,6 +260,7 @@ TEST_F(GraphCommandTest, SaysWhatDoesNotGoTogether) {
       "not tied in all directions");
   const std::string space = Write("space.g2o", "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n");
   expect_refused(space, {"--start", "swept"}, "--start swept: not for graphs in space");
+  expect_refused(space, {"--robust", "consistent"}, "--robust: not for graphs in space");
   expect_refused(space, {"--incremental"}, "--incremental: the file has VERTEX_SE3:QUAT");
 }
 
@@ -192,6 +278,8 @@ TEST_F(GraphCommandTest, NamesFileAndLineOfABadGraph) {
 TEST_F(GraphCommandTest, UsageErrorsAreTwo) {
   EXPECT_EQ(Run({"graph", "optimize", "in.g2o"}), ExitCode::kUsage);
   EXPECT_EQ(Run({"graph", "optimize", "in.g2o", "--out", "o", "--method", "magic"}),
+            ExitCode::kUsage);
+  EXPECT_EQ(Run({"graph", "optimize", "in.g2o", "--out", "o", "--robust", "magic"}),
             ExitCode::kUsage);
   EXPECT_EQ(Run({"graph"}), ExitCode::kUsage);
 }
