@@ -41,6 +41,13 @@ LeastSquaresSummary Minimise(LeastSquaresProblem& problem, const LeastSquaresOpt
   }
   double damping = options.damped_from_start ? kDampingFirst : 0.0;
   bool linearised = false;
+  bool on_trial = false;  // the state is the one after a step that made it worse
+  problem.Mark();
+  const auto go_back = [&] {
+    problem.MoveBack();
+    linearised = linearised && !on_trial;
+    on_trial = false;
+  };
   for (int i = 0; i < options.iterations_max && damping <= kDampingMax; ++i) {
     if (!linearised) {
       equations.Clear();
@@ -49,6 +56,7 @@ LeastSquaresSummary Minimise(LeastSquaresProblem& problem, const LeastSquaresOpt
     }
     ++summary.iterations;
     if (!equations.Factor(damping)) {
+      go_back();
       damping = Raised(damping);
       continue;
     }
@@ -56,20 +64,34 @@ LeastSquaresSummary Minimise(LeastSquaresProblem& problem, const LeastSquaresOpt
     problem.Move(step, equations);
     const double cost = problem.Cost();
     const double gain = summary.cost_after - cost;
+    // After a trial it says nothing: the gain is that of two steps, from two places.
+    const bool is_small =
+        !on_trial && (step.cwiseAbs().maxCoeff() <= options.step_min ||
+                      std::abs(gain) <= options.relative_gain_min * summary.cost_after);
     // A cost that is not a number fails this comparison too.
     if (gain >= 0.0) {
       summary.cost_after = cost;
+      problem.Mark();
       linearised = false;
+      on_trial = false;
+    } else if (damping == 0.0 && !on_trial && !is_small && std::isfinite(cost)) {
+      // One more undamped step from there: in a bent valley the first one leaves the floor, and the
+      // second one comes down on it again far ahead, where damped ones creep (the watchdog of
+      // Chamberlain et al. 1982; parking-garage from the chordal start: 4 steps instead of 142).
+      linearised = false;
+      on_trial = true;
+      continue;
     } else {
-      problem.MoveBack();
+      go_back();
     }
-    const double step_max = step.cwiseAbs().maxCoeff();
-    if (step_max <= options.step_min ||
-        std::abs(gain) <= options.relative_gain_min * summary.cost_after) {
+    if (is_small) {
       summary.converged = true;
       break;
     }
     damping = gain >= 0.0 ? Lowered(damping) : Raised(damping);
+  }
+  if (on_trial) {
+    go_back();
   }
   return summary;
 }

@@ -22,9 +22,11 @@ class LeastSquaresProblem {
   virtual double Cost() const = 0;
   // Adds H and g of half the cost to `equations`, which are clear.
   virtual void Linearise(NormalEquations& equations) const = 0;
-  // Moves the state by `step`; remembers the state before.
+  // Moves the state by `step`.
   virtual void Move(const Eigen::VectorXd& step, const NormalEquations& equations) = 0;
-  // Returns to the state before the last Move.
+  // Remembers the state.
+  virtual void Mark() = 0;
+  // Returns to the state of the last Mark.
   virtual void MoveBack() = 0;
 
  protected:

@@ -220,9 +220,6 @@ void PlaneProblem::LinearisePriors(NormalEquations& equations) const {
 }
 
 void PlaneProblem::Move(const Eigen::VectorXd& step, const NormalEquations& equations) {
-  nodes_before_ = graph_->map_from_node;
-  turned_before_ = nodes_;
-  points_before_ = graph_->points_in_map;
   for (std::size_t i = 0; i < block_of_node_.size(); ++i) {
     if (block_of_node_[i] == kHeldBlock) {
       continue;
@@ -240,6 +237,12 @@ void PlaneProblem::Move(const Eigen::VectorXd& step, const NormalEquations& equa
       graph_->points_in_map[i] += step.segment<2>(equations.offset(block_of_point_[i]));
     }
   }
+}
+
+void PlaneProblem::Mark() {
+  nodes_before_ = graph_->map_from_node;
+  turned_before_ = nodes_;
+  points_before_ = graph_->points_in_map;
 }
 
 void PlaneProblem::MoveBack() {

@@ -46,6 +46,7 @@ class PlaneProblem final : public LeastSquaresProblem {
   double Cost() const override;
   void Linearise(NormalEquations& equations) const override;
   void Move(const Eigen::VectorXd& step, const NormalEquations& equations) override;
+  void Mark() override;
   void MoveBack() override;
 
   // kHeldBlock for held nodes.

@@ -122,8 +122,6 @@ class SpaceProblem final : public LeastSquaresProblem {
   }
 
   void Move(const Eigen::VectorXd& step, const NormalEquations& equations) override {
-    nodes_before_ = graph_->map_from_node;
-    points_before_ = graph_->points_in_map;
     for (std::size_t i = 0; i < block_of_node_.size(); ++i) {
       if (block_of_node_[i] != kHeldBlock) {
         graph_->map_from_node[i] =
@@ -135,6 +133,11 @@ class SpaceProblem final : public LeastSquaresProblem {
         graph_->points_in_map[i] += step.segment<3>(equations.offset(block_of_point_[i]));
       }
     }
+  }
+
+  void Mark() override {
+    nodes_before_ = graph_->map_from_node;
+    points_before_ = graph_->points_in_map;
   }
 
   void MoveBack() override {
