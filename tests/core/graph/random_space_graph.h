@@ -4,10 +4,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "core/base/math.h"
 #include "core/base/random.h"
 #include "core/geometry/se3.h"
 #include "core/graph/space_graph.h"
@@ -59,6 +61,39 @@ inline SpaceGraph RandomSpaceGraph(std::uint64_t seed, std::uint32_t count) {
       }
     }
     graph.map_from_node[i] = graph.map_from_node[i] * RandomPose3(random, 0.5, 0.2);
+  }
+  return graph;
+}
+
+// Rounds on a ring that is tilted and climbs, each node tied to that of the round before. The poses
+// given are those of noisy odometry.
+inline SpaceGraph RandomSpaceLoops(std::uint64_t seed, std::uint32_t node_count) {
+  constexpr std::uint32_t kRound = 25;
+  RandomSequence random(seed);
+  Pose3 step;
+  step.translation = {1.0, 0.0, 0.05};
+  step.rotation = Eigen::Quaterniond(
+      Eigen::AngleAxisd(2.0 * kPi / kRound, Eigen::Vector3d(0.05, 0.1, 1.0).normalized()));
+  std::vector<Pose3> truth(1);
+  SpaceGraph graph;
+  graph.map_from_node.resize(1);
+  graph.fixed = {true};
+  const auto add = [&](std::uint32_t from, std::uint32_t to) {
+    SpaceConstraint constraint;
+    constraint.from = from;
+    constraint.to = to;
+    constraint.from_from_to = Inverse(truth[from]) * truth[to] * RandomPose3(random, 0.03, 0.02);
+    constraint.information *= 1000.0;
+    graph.constraints.push_back(constraint);
+  };
+  for (std::uint32_t i = 1; i < node_count; ++i) {
+    truth.push_back(truth.back() * step);
+    add(i - 1, i);
+    graph.map_from_node.push_back(graph.map_from_node.back() *
+                                  graph.constraints.back().from_from_to);
+    if (i >= kRound) {
+      add(i - kRound, i);
+    }
   }
   return graph;
 }

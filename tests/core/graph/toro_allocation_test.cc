@@ -6,8 +6,10 @@
 
 #include <gtest/gtest.h>
 
+#include "core/graph/space_toro.h"
 #include "core/graph/toro_optimizer.h"
 #include "tests/core/graph/random_graph.h"
+#include "tests/core/graph/random_space_graph.h"
 
 namespace {
 
@@ -65,6 +67,11 @@ TEST(ToroAllocationTest, AllocationsAreCounted) {
 
 TEST(ToroAllocationTest, SweepsInThePlaneAllocateNothing) {
   ToroOptimizer toro(RandomManhattanGraph(1, 500));
+  EXPECT_EQ(AllocationsOfSweeps(toro), 0U);
+}
+
+TEST(ToroAllocationTest, SweepsInSpaceAllocateNothing) {
+  SpaceToroOptimizer toro(RandomSpaceLoops(1, 200));
   EXPECT_EQ(AllocationsOfSweeps(toro), 0U);
 }
 
