@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pose graphs: batch optimisation against Ceres, and sweeps of gradient descent.
+// Pose graphs: batch optimisation against Ceres.
 //
 //   graph_bench [--tiny]
 //
@@ -15,8 +15,6 @@
 #include "core/graph/g2o_format.h"
 #include "core/graph/graph_start.h"
 #include "core/graph/sparse_optimizer.h"
-#include "core/graph/toro_optimizer.h"
-#include "core/graph/toro_tree.h"
 #include "tests/core/graph/random_graph.h"
 #include "tests/support/datasets.h"
 #ifdef LOCI_HAVE_CERES
@@ -76,44 +74,8 @@ void MeasureBatch(const std::string& name, PoseGraph start, int rounds) {
 #endif
 }
 
-// Elements of all constraints' paths in the tree: what one sweep goes over.
-std::size_t PathElements(const PoseGraph& graph, const ToroTree& tree) {
-  std::size_t count = 0;
-  for (const GraphConstraint& constraint : graph.constraints) {
-    std::uint32_t a = constraint.from;
-    std::uint32_t b = constraint.to;
-    for (; a != b; ++count) {
-      std::uint32_t& deeper = tree.depth[a] >= tree.depth[b] ? a : b;
-      deeper = tree.parent[deeper];
-    }
-  }
-  return count;
-}
-
-void MeasureSweeps(const std::string& name, PoseGraph graph, int sweeps) {
-  const ToroTree tree = BreadthFirstTree(graph);
-  PlaceByTree(tree, graph);
-  ToroOptimizer toro(graph);
-  const double begin = ThreadSeconds();
-  for (int i = 0; i < sweeps; ++i) {
-    toro.Sweep();
-  }
-  const double seconds = (ThreadSeconds() - begin) / sweeps;
-  const double before = Chi2(graph);
-  graph.map_from_node = toro.Poses();
-  std::printf("%-34s %9.2f ms a sweep, %.0f ns a path element   chi2 %.6g -> %.6g after %d\n",
-              name.c_str(),
-              1e3 * seconds,
-              1e9 * seconds / static_cast<double>(PathElements(graph, tree)),
-              before,
-              Chi2(graph),
-              sweeps);
-}
-
 void RunTiny() {
-  PoseGraph graph = RandomLoopGraph(1, 200);
-  MeasureBatch("random loops, given", graph, 1);
-  MeasureSweeps("random loops, sweeps", graph, 3);
+  MeasureBatch("random loops, given", RandomLoopGraph(1, 200), 1);
 }
 
 void RunAll() {
@@ -133,7 +95,6 @@ void RunAll() {
     }
     PlaceAtStart(each.start, parsed->plane);
     MeasureBatch(each.name + ", " + std::string(GraphStartName(each.start)), parsed->plane, 5);
-    MeasureSweeps(each.name + ", sweeps", parsed->plane, 50);
   }
 }
 
