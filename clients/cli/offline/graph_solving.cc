@@ -12,6 +12,7 @@
 #include "core/graph/graph_selection.h"
 #include "core/graph/robust_optimize.h"
 #include "core/graph/space_problem.h"
+#include "core/graph/space_toro.h"
 #include "core/graph/toro_optimizer.h"
 #include "core/graph/toro_tree.h"
 
@@ -92,18 +93,21 @@ StatusOr<SolveReport> SolveFromOneStart(const SolveRequest& request, Graph& grap
 
 // Descent alone. It begins on the tree unless the poses of the file are better, for what it is good
 // at is what lies between the tree and the optimum.
-StatusOr<SolveReport> SolveByToro(const SolveRequest& request, PoseGraph& graph) {
+template <typename Graph>
+StatusOr<SolveReport> SolveByToro(const SolveRequest& request, Graph& graph) {
+  using Toro =
+      std::conditional_t<std::is_same_v<Graph, PoseGraph>, ToroOptimizer, SpaceToroOptimizer>;
   SolveReport report;
   const double chi2_before = Chi2(graph);
   std::string start = request.start;
   if (start == kAutoStart) {
-    PoseGraph by_tree = graph;
+    Graph by_tree = graph;
     PlaceAtStart(GraphStart::kTree, by_tree);
     start = GraphStartName(Chi2(by_tree) < chi2_before ? GraphStart::kTree : GraphStart::kGiven);
   }
   LOCI_RETURN_IF_ERROR(GoToStart(start, graph, report));
   const double begin_s = NowSeconds();
-  ToroOptimizer toro(graph);
+  Toro toro(graph);
   for (std::uint64_t i = 0; i < request.sweeps; ++i) {
     toro.Sweep();
   }
@@ -114,12 +118,6 @@ StatusOr<SolveReport> SolveByToro(const SolveRequest& request, PoseGraph& graph)
   report.summary.chi2_before = chi2_before;
   report.summary.chi2_after = Chi2(graph);
   return report;
-}
-
-StatusOr<SolveReport> SolveByToro(const SolveRequest& /*request*/, SpaceGraph& /*graph*/) {
-  return UnimplementedError(
-      "--method toro: not for graphs in space (SE3:QUAT); use auto, gauss-newton or "
-      "levenberg-marquardt");
 }
 
 Status CheckIncremental(const SolveRequest& request) {
