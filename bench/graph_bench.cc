@@ -14,11 +14,12 @@
 #include "bench/interleaved.h"
 #include "core/graph/g2o_format.h"
 #include "core/graph/graph_start.h"
+#include "core/graph/space_problem.h"
 #include "core/graph/sparse_optimizer.h"
 #include "tests/core/graph/random_graph.h"
 #include "tests/support/datasets.h"
 #ifdef LOCI_HAVE_CERES
-#include "tests/support/ceres_graph.h"
+#include "clients/cli/ceres/ceres_optimizer.h"
 #endif
 
 namespace loci {
@@ -32,10 +33,11 @@ struct Case {
 };
 
 // The fewest steps after which ours is near the optimum.
-int StepsToOptimum(const PoseGraph& start, double optimum) {
+template <typename Graph>
+int StepsToOptimum(const Graph& start, double optimum) {
   SparseOptions options;
   for (options.iterations_max = 1; options.iterations_max < 100; ++options.iterations_max) {
-    PoseGraph graph = start;
+    Graph graph = start;
     if (OptimizeSparse(graph, options).chi2_after <= kNear * optimum) {
       break;
     }
@@ -43,19 +45,20 @@ int StepsToOptimum(const PoseGraph& start, double optimum) {
   return options.iterations_max;
 }
 
-void MeasureBatch(const std::string& name, PoseGraph start, int rounds) {
-  PoseGraph best = start;
+template <typename Graph>
+void MeasureBatch(const std::string& name, const Graph& start, int rounds) {
+  Graph best = start;
   const double optimum = OptimizeSparse(best, SparseOptions{}).chi2_after;
   SparseOptions options;
   options.iterations_max = StepsToOptimum(start, optimum);
   const auto ours = [&] {
-    PoseGraph graph = start;
+    Graph graph = start;
     OptimizeSparse(graph, options);
   };
 #ifdef LOCI_HAVE_CERES
   const InterleavedTimes times = MeasureInterleaved(rounds, ours, [&] {
-    PoseGraph graph = start;
-    SolveByCeres(graph, kNear * optimum);
+    Graph graph = start;
+    OptimizeByCeres(graph, {.stop_at_chi2 = kNear * optimum});
   });
   std::printf("%-34s %9.2f ms (%d steps)   Ceres %9.2f ms   ours / Ceres %.3f   chi2 %.6g\n",
               name.c_str(),
@@ -82,7 +85,9 @@ void RunAll() {
   for (const Case& each : {Case{"manhattanOlson3500", GraphStart::kGiven},
                            Case{"MIT", GraphStart::kTree},
                            Case{"city10000", GraphStart::kTree},
-                           Case{"intel_g2o", GraphStart::kGiven}}) {
+                           Case{"intel_g2o", GraphStart::kGiven},
+                           Case{"parking-garage", GraphStart::kGiven},
+                           Case{"sphere2500", GraphStart::kGiven}}) {
     const StatusOr<std::string> text = ReadDataset("graphs/" + each.name + ".g2o.gz");
     if (!text.ok()) {
       std::printf("skipped: %s\n", text.status().message().c_str());
@@ -93,8 +98,14 @@ void RunAll() {
       std::printf("%s: %s\n", each.name.c_str(), parsed.status().ToString().c_str());
       continue;
     }
+    const std::string name = each.name + ", " + std::string(GraphStartName(each.start));
+    if (parsed->in_space()) {
+      PlaceAtStart(each.start, parsed->space);
+      MeasureBatch(name, parsed->space, 5);
+      continue;
+    }
     PlaceAtStart(each.start, parsed->plane);
-    MeasureBatch(each.name + ", " + std::string(GraphStartName(each.start)), parsed->plane, 5);
+    MeasureBatch(name, parsed->plane, 5);
   }
 }
 

@@ -23,7 +23,7 @@
 #include "tests/core/graph/random_graph.h"
 #include "tests/support/datasets.h"
 #ifdef LOCI_HAVE_CERES
-#include "tests/support/ceres_graph.h"
+#include "clients/cli/ceres/ceres_optimizer.h"
 #endif
 
 namespace loci {
@@ -108,7 +108,7 @@ void Measure(const std::string& name, const PoseGraph& whole) {
   for (int round = 0; round < 5; ++round) {
     PoseGraph graph = whole;
     const double begin = ThreadSeconds();
-    SolveByCeres(graph, kNear * optimum);
+    OptimizeByCeres(graph, {.stop_at_chi2 = kNear * optimum});
     ceres.push_back(ThreadSeconds() - begin);
   }
   std::sort(ceres.begin(), ceres.end());

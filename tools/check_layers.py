@@ -36,6 +36,7 @@ ALLOWED = {
     "clients/log": (CLIENT, rf"Eigen/|zlib\.h|bzlib\.h|{SYSTEM}"),
     "clients/simulator": (CLIENT, r"Eigen/"),
     "clients/cli": (CLIENT + [GENERATED], rf"Eigen/|CLI/|nlohmann/|zlib\.h|{PROTOBUF}|{SYSTEM}"),
+    "clients/cli/ceres": (["core/", "clients/cli/ceres/"], r"Eigen/|ceres/"),
     "clients/cli/offline": (["core/", "clients/"], rf"Eigen/|CLI/|nlohmann/|{SYSTEM}"),
 }
 # core has no clock, no thread, no file, and no random number that depends on the standard library

@@ -94,7 +94,7 @@ std::vector<Argument> ArgumentsInto(OptimizeArguments& arguments) {
        .target = &arguments.request.method,
        .help = "auto: Gauss-Newton from several starts, until two of them agree on the lowest "
                "minimum. gauss-newton, levenberg-marquardt: from one start. toro: gradient descent "
-               "on a tree alone, robust but not exact",
+               "on a tree alone, robust but not exact. ceres: only where it is built in",
        .choices = SolveMethods()},
       {.name = "--start",
        .target = &arguments.request.start,

@@ -9,6 +9,9 @@
 #include <utility>
 
 #include "clients/cli/offline/graph_replay.h"
+#ifdef LOCI_WITH_CERES
+#include "clients/cli/ceres/ceres_optimizer.h"
+#endif
 #include "core/graph/graph_selection.h"
 #include "core/graph/robust_optimize.h"
 #include "core/graph/space_problem.h"
@@ -22,6 +25,7 @@ namespace {
 // Valleys with a bent floor need many steps; a step costs milliseconds.
 constexpr int kIterationsMax = 1000;
 constexpr std::string_view kAutoStart = "auto";
+constexpr std::string_view kCeres = "ceres";
 
 double NowSeconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -80,12 +84,26 @@ StatusOr<SolveReport> SolveFromAllStarts(const SolveRequest& request, Graph& gra
 }
 
 template <typename Graph>
+StatusOr<OptimizationSummary> OptimizeByMethod(const SolveRequest& request, Graph& graph) {
+  if (request.method != kCeres) {
+    return OptimizeSparse(graph, SparseOptionsOf(request));
+  }
+#ifdef LOCI_WITH_CERES
+  return OptimizeByCeres(graph, {.iterations_max = kIterationsMax});
+#else
+  return UnimplementedError(
+      "--method ceres: this program is built without Ceres; cmake -DLOCI_WITH_CERES=ON builds one "
+      "with it (docs/licences.md), levenberg-marquardt finds the same minimum");
+#endif
+}
+
+template <typename Graph>
 StatusOr<SolveReport> SolveFromOneStart(const SolveRequest& request, Graph& graph) {
   SolveReport report;
   const double chi2_before = Chi2(graph);
   LOCI_RETURN_IF_ERROR(GoToStart(request.start, graph, report));
   const double begin_s = NowSeconds();
-  report.summary = OptimizeSparse(graph, SparseOptionsOf(request));
+  LOCI_ASSIGN_OR_RETURN(report.summary, OptimizeByMethod(request, graph));
   report.solve_s = NowSeconds() - begin_s;
   report.summary.chi2_before = chi2_before;
   return report;
@@ -155,10 +173,13 @@ StatusOr<SolveReport> SolveIncrementally(const SolveRequest& /*request*/, SpaceG
 }
 
 Status CheckRobust(const SolveRequest& request) {
-  if (request.incremental || request.method == "toro") {
+  if (request.incremental) {
     return InvalidArgumentError(
-        "--robust: is for graphs as a whole, must not come with " +
-        std::string(request.incremental ? "--incremental" : "--method toro"));
+        "--robust: is for graphs as a whole, must not come with --incremental");
+  }
+  if (request.method == "toro" || request.method == kCeres) {
+    return InvalidArgumentError("--robust: is Gauss-Newton, must not come with --method " +
+                                request.method);
   }
   if (request.robust == RobustMethodName(RobustMethod::kConsistent) &&
       request.start != kAutoStart) {
@@ -219,11 +240,6 @@ StatusOr<SolveReport> SolveRobustly(const SolveRequest& /*request*/, SpaceGraph&
 template <typename Graph>
 StatusOr<SolveReport> SolveAny(const SolveRequest& request, Graph& graph) {
   LOCI_RETURN_IF_ERROR(ValidateGraph(graph));
-  if (request.method == "ceres") {
-    return UnimplementedError(
-        "--method ceres: this program is built without Ceres, which would bring the terms of the "
-        "GPL (docs/licences.md); the tests hold auto against it");
-  }
   if (request.robust != RobustMethodName(RobustMethod::kNone)) {
     return SolveRobustly(request, graph);
   }
@@ -243,7 +259,7 @@ StatusOr<SolveReport> SolveAny(const SolveRequest& request, Graph& graph) {
 }  // namespace
 
 std::vector<std::string> SolveMethods() {
-  return {"auto", "toro", "gauss-newton", "levenberg-marquardt", "ceres"};
+  return {"auto", "toro", "gauss-newton", "levenberg-marquardt", std::string(kCeres)};
 }
 
 std::vector<std::string> SolveStarts() {

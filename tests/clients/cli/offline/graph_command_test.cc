@@ -242,7 +242,7 @@ TEST_F(GraphCommandTest, SaysWhatDoesNotGoTogether) {
                  "--robust: is for graphs as a whole, must not come with --incremental");
   expect_refused(square,
                  {"--robust", "dcs", "--method", "toro"},
-                 "--robust: is for graphs as a whole, must not come with --method toro");
+                 "--robust: is Gauss-Newton, must not come with --method toro");
   expect_refused(
       square, {"--robust", "consistent", "--start", "tree"}, "must not come with --start");
   expect_refused(square_with("fix.g2o", "EDGE_PRIOR_SE2_XY 10 0 0 1 0 1\n"),
@@ -263,6 +263,30 @@ TEST_F(GraphCommandTest, SaysWhatDoesNotGoTogether) {
   expect_refused(space, {"--robust", "consistent"}, "--robust: not for graphs in space");
   expect_refused(space, {"--incremental"}, "--incremental: the file has VERTEX_SE3:QUAT");
 }
+
+#ifdef LOCI_WITH_CERES
+TEST_F(GraphCommandTest, CeresFindsTheSameMinimum) {
+  const std::string in = Write("in.g2o", kSquare);
+  std::vector<double> chi2;
+  for (const std::string method : {"ceres", "gauss-newton"}) {
+    ASSERT_EQ(Run({"graph", "optimize", in, "--out", Path("out.g2o"), "--method", method}),
+              ExitCode::kDone)
+        << error_.str();
+    const StatusOr<G2oGraph> written = ParseG2o(Read("out.g2o"));
+    ASSERT_THAT(written, IsOk());
+    chi2.push_back(Chi2(written->plane));
+  }
+  EXPECT_NEAR(chi2[0], chi2[1], 1e-6 * chi2[1]);
+}
+#else
+TEST_F(GraphCommandTest, SaysHowToBuildWithCeres) {
+  const std::string in = Write("in.g2o", kSquare);
+  EXPECT_EQ(Run({"graph", "optimize", in, "--out", Path("out.g2o"), "--method", "ceres"}),
+            ExitCode::kRefused);
+  EXPECT_THAT(error_.str(), HasSubstr("cmake -DLOCI_WITH_CERES=ON"));
+  EXPECT_FALSE(std::ifstream(Path("out.g2o")).good());
+}
+#endif
 
 TEST_F(GraphCommandTest, NamesFileAndLineOfABadGraph) {
   const std::string in = Write("bad.g2o", "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 0 zero 0\n");
