@@ -98,14 +98,15 @@ void RunAll() {
       std::printf("%s: %s\n", each.name.c_str(), parsed.status().ToString().c_str());
       continue;
     }
-    const std::string name = each.name + ", " + std::string(GraphStartName(each.start));
+    const auto measure = [&](auto& graph) {
+      PlaceAtStart(each.start, graph);
+      MeasureBatch(each.name + ", " + std::string(GraphStartName(each.start)), graph, 5);
+    };
     if (parsed->in_space()) {
-      PlaceAtStart(each.start, parsed->space);
-      MeasureBatch(name, parsed->space, 5);
-      continue;
+      measure(parsed->space);
+    } else {
+      measure(parsed->plane);
     }
-    PlaceAtStart(each.start, parsed->plane);
-    MeasureBatch(name, parsed->plane, 5);
   }
 }
 

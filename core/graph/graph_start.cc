@@ -10,6 +10,7 @@
 #include "core/graph/align_to_priors.h"
 #include "core/graph/chordal_start.h"
 #include "core/graph/prefix_start.h"
+#include "core/graph/space_toro.h"
 #include "core/graph/spanning_tree.h"
 #include "core/graph/toro_optimizer.h"
 #include "core/graph/toro_tree.h"
@@ -30,11 +31,12 @@ constexpr std::array<GraphStart, 7> kStarts = {GraphStart::kGiven,
                                                GraphStart::kChordal,
                                                GraphStart::kSwept,
                                                GraphStart::kPrefixes};
-constexpr std::size_t kStartsInSpace = 5;
+constexpr std::size_t kStartsInSpace = 6;
 
-void PlaceBySweeps(PoseGraph& graph) {
+template <typename Toro, typename Graph>
+void PlaceBySweeps(Graph& graph) {
   PlaceByTree(BreadthFirstTree(graph), graph);
-  ToroOptimizer toro(graph);
+  Toro toro(graph);
   for (int i = 0; i < kSweeps; ++i) {
     toro.Sweep();
   }
@@ -89,7 +91,7 @@ void PlaceAtStart(GraphStart start, PoseGraph& graph) {
       PlaceByChords(graph);
       break;
     case GraphStart::kSwept:
-      PlaceBySweeps(graph);
+      PlaceBySweeps<ToroOptimizer>(graph);
       break;
     case GraphStart::kPrefixes:
       PlaceByPrefixes(std::max(kPrefixNodesMin, graph.map_from_node.size() / kPrefixes), graph);
@@ -116,6 +118,8 @@ void PlaceAtStart(GraphStart start, SpaceGraph& graph) {
       PlaceByChords(graph);
       break;
     case GraphStart::kSwept:
+      PlaceBySweeps<SpaceToroOptimizer>(graph);
+      break;
     case GraphStart::kPrefixes:
       LOCI_CHECK(false);
   }

@@ -24,7 +24,7 @@ enum class GraphStart : std::uint8_t {
 // "file", "odometry", "tree", "uncertainty-tree", "chordal", "swept", "prefixes".
 std::string_view GraphStartName(GraphStart start);
 
-// Which starts there are, cheap ones first. In space all but the last two.
+// Which starts there are, cheap ones first. In space all but the last one.
 std::span<const GraphStart> StartsFor(const PoseGraph& graph);
 std::span<const GraphStart> StartsFor(const SpaceGraph& graph);
 

@@ -259,7 +259,7 @@ TEST_F(GraphCommandTest, SaysWhatDoesNotGoTogether) {
       {"--incremental"},
       "not tied in all directions");
   const std::string space = Write("space.g2o", "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n");
-  expect_refused(space, {"--start", "swept"}, "--start swept: not for graphs in space");
+  expect_refused(space, {"--start", "prefixes"}, "--start prefixes: not for graphs in space");
   expect_refused(space, {"--robust", "consistent"}, "--robust: not for graphs in space");
   expect_refused(space, {"--incremental"}, "--incremental: the file has VERTEX_SE3:QUAT");
 }
