@@ -30,6 +30,7 @@ constexpr double kNear = 1.001;
 struct Case {
   std::string name;
   GraphStart start;
+  bool turn_first = false;  // far from the optimum
 };
 
 // The fewest steps after which ours is near the optimum.

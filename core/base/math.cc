@@ -180,6 +180,22 @@ double Cos(double angle_rad) {
   }
 }
 
+SineAndCosine SinCos(double angle_rad) {
+  const Reduced reduced = Reduce(angle_rad);
+  const double sine = SineOf(reduced.rest);
+  const double cosine = CosineOf(reduced.rest);
+  switch (reduced.quarters & 3) {
+    case 0:
+      return {sine, cosine};
+    case 1:
+      return {cosine, -sine};
+    case 2:
+      return {-sine, -cosine};
+    default:
+      return {-cosine, sine};
+  }
+}
+
 double Atan2(double y, double x) {
   if (std::isnan(x) || std::isnan(y)) {
     return x + y;

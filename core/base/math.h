@@ -15,6 +15,12 @@ inline constexpr double kPi = 3.14159265358979323846;
 // Sin(-0.0), which is 0.0. Beyond 2^20 rad an angle counts modulo 2 kPi.
 double Sin(double angle_rad);
 double Cos(double angle_rad);
+// Both at once, for less.
+struct SineAndCosine {
+  double sine = 0.0;
+  double cosine = 1.0;
+};
+SineAndCosine SinCos(double angle_rad);
 double Atan2(double y, double x);
 double Exp(double x);
 double Log(double x);

@@ -30,6 +30,47 @@ void EliminationTree::Reserve(std::size_t variables, std::size_t terms) {
   term_values_.reserve(42 * terms);
 }
 
+EliminationTree EliminationTree::Resized(int size) const {
+  LOCI_CHECK(size > 0 && !structure_changed_);
+  const auto width = static_cast<std::uint32_t>(size);
+  EliminationTree tree;
+  tree.variables_ = variables_;
+  for (std::uint32_t i = 0; i < variables_.size(); ++i) {
+    tree.variables_[i].size = size;
+    tree.variables_[i].offset = i * width;
+    tree.variables_[i].touched = false;
+  }
+  tree.value_.resize(variables_.size() * width, 0.0);
+  tree.spread_.resize(tree.value_.size(), 0.0);
+  tree.moved_.resize(variables_.size(), 0);
+  tree.terms_ = terms_;
+  tree.term_variables_ = term_variables_;
+  tree.uses_ = uses_;
+  tree.free_terms_ = free_terms_;
+  std::uint32_t values = 0;
+  for (Term& term : tree.terms_) {
+    term.size = term.count * width;
+    term.values = std::exchange(values, values + term.size * (term.size + 1));
+  }
+  tree.term_values_.resize(values, 0.0);
+  tree.fronts_.resize(fronts_.size());
+  for (std::size_t i = 0; i < fronts_.size(); ++i) {
+    Front& front = tree.fronts_[i];
+    front.variables = fronts_[i].variables;
+    front.eliminated = fronts_[i].eliminated;
+    front.columns = front.eliminated * width;
+    front.size = static_cast<std::uint32_t>(front.variables.size()) * width;
+    front.parent = fronts_[i].parent;
+    front.children = fronts_[i].children;
+    front.sequence = fronts_[i].sequence;
+  }
+  tree.free_fronts_ = free_fronts_;
+  tree.sequence_ = sequence_;
+  tree.is_in_one_order_ = is_in_one_order_;
+  tree.TouchAll();
+  return tree;
+}
+
 std::uint32_t EliminationTree::AddVariable(int size) {
   LOCI_CHECK(size > 0);
   const auto variable = static_cast<std::uint32_t>(variables_.size());
@@ -157,6 +198,16 @@ bool EliminationTree::Eliminate(std::span<const std::uint32_t> last) {
   }
   FindAffectedAndReorder(last);
   return EliminateAffected(true);
+}
+
+void EliminationTree::Order() {
+  TouchAll();
+  structure_changed_ = structure_changed_ || !is_in_one_order_;
+  FindAffectedAndReorder({});
+  for (const std::uint32_t front : affected_) {
+    fronts_[front].affected = false;
+  }
+  TouchAll();
 }
 
 bool EliminationTree::EliminateAll() {

@@ -27,6 +27,10 @@ class EliminationTree {
 
   // Room for so many variables, and terms of two of them.
   void Reserve(std::size_t variables, std::size_t terms);
+  // A tree over as many variables, of `size` numbers each, and the same terms, all zero, which is
+  // ordered as this one, and spares the work. This one must be ordered.
+  EliminationTree Resized(int size) const;
+
   // A variable of `size` numbers, at 0. Named by their count.
   std::uint32_t AddVariable(int size);
   // A term over these variables, no two of them equal; all zero until it is set.
@@ -41,6 +45,8 @@ class EliminationTree {
   // The term is gone; its number may be given to another. It must be there.
   void RemoveTerm(std::uint32_t term);
 
+  // Finds the order of elimination of all variables, which Eliminate would do otherwise.
+  void Order();
   // Brings the factorisation up to date. Variables of `last`, as far as they are concerned, are
   // eliminated after the others: what is likely to change next is cheap then. False, and the
   // factorisation stays open, if the terms do not determine every variable.

@@ -31,10 +31,16 @@ double Raised(double damping) {
 }  // namespace
 
 LeastSquaresSummary Minimise(LeastSquaresProblem& problem, const LeastSquaresOptions& options) {
+  NormalEquations equations(problem.BlockSizes(), problem.Pairs());
+  return Minimise(problem, equations, options);
+}
+
+LeastSquaresSummary Minimise(LeastSquaresProblem& problem,
+                             NormalEquations& equations,
+                             const LeastSquaresOptions& options) {
   LeastSquaresSummary summary;
   summary.cost_before = problem.Cost();
   summary.cost_after = summary.cost_before;
-  NormalEquations equations(problem.BlockSizes(), problem.Pairs());
   if (equations.size() == 0) {
     summary.converged = true;
     return summary;

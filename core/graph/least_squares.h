@@ -51,5 +51,9 @@ struct LeastSquaresSummary {
 
 // Moves the problem to a local minimum; never to a higher cost than it had.
 LeastSquaresSummary Minimise(LeastSquaresProblem& problem, const LeastSquaresOptions& options);
+// The same with equations that there are already, of the problem's blocks and pairs.
+LeastSquaresSummary Minimise(LeastSquaresProblem& problem,
+                             NormalEquations& equations,
+                             const LeastSquaresOptions& options);
 
 }  // namespace loci

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 #include "core/base/check.h"
 
@@ -18,22 +19,38 @@ constexpr double kDiagonalMinRelative = 1e-9;
 
 NormalEquations::NormalEquations(const std::vector<int>& block_sizes,
                                  const std::vector<BlockPair>& pairs)
-    : block_sizes_(block_sizes), pairs_(pairs) {
-  offset_.reserve(block_sizes_.size());
+    : NormalEquations(block_sizes, EliminationTree()) {
+  pairs_ = pairs;
   tree_.Reserve(block_sizes_.size(), pairs_.size());
   for (const int block_size : block_sizes_) {
-    offset_.push_back(size_);
-    size_ += block_size;
     tree_.AddVariable(block_size);
   }
-  own_term_.assign(block_sizes_.size(), kNone);
   pair_term_.reserve(pairs_.size());
   for (const BlockPair& pair : pairs_) {
     LOCI_CHECK(pair.row != pair.column);
     const std::array<std::uint32_t, 2> variables{pair.row, pair.column};
     pair_term_.push_back(tree_.AddTerm(variables));
   }
+}
+
+NormalEquations::NormalEquations(const std::vector<int>& block_sizes, EliminationTree tree)
+    : block_sizes_(block_sizes), tree_(std::move(tree)) {
+  offset_.reserve(block_sizes_.size());
+  for (const int block_size : block_sizes_) {
+    offset_.push_back(size_);
+    size_ += block_size;
+  }
+  own_term_.assign(block_sizes_.size(), kNone);
   damping_ = Eigen::VectorXd::Zero(size_);
+}
+
+NormalEquations NormalEquations::Resized(int block_size) {
+  tree_.Order();
+  NormalEquations resized(std::vector<int>(block_sizes_.size(), block_size),
+                          tree_.Resized(block_size));
+  resized.pairs_ = pairs_;
+  resized.pair_term_ = pair_term_;
+  return resized;
 }
 
 void NormalEquations::Clear() {

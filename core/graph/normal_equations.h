@@ -31,6 +31,12 @@ class NormalEquations {
   NormalEquations(const std::vector<int>& block_sizes, const std::vector<BlockPair>& pairs);
   NormalEquations(const NormalEquations&) = delete;
   NormalEquations& operator=(const NormalEquations&) = delete;
+  NormalEquations(NormalEquations&&) = default;
+  NormalEquations& operator=(NormalEquations&&) = default;
+
+  // Equations over as many blocks of `block_size`, and the same pairs; the elimination order is
+  // found only once for both.
+  NormalEquations Resized(int block_size);
 
   Eigen::Index size() const { return size_; }
   Eigen::Index offset(std::uint32_t block) const { return offset_[block]; }
@@ -73,6 +79,8 @@ class NormalEquations {
 
  private:
   static constexpr std::uint32_t kNone = EliminationTree::kNone;
+
+  NormalEquations(const std::vector<int>& block_sizes, EliminationTree tree);
 
   double* OwnTerm(std::uint32_t block);
   Eigen::VectorXd Diagonal() const;

@@ -245,6 +245,15 @@ void PlaneProblem::Mark() {
   points_before_ = graph_->points_in_map;
 }
 
+void PlaneProblem::Restore(const State& state) {
+  graph_->map_from_node = state.map_from_node;
+  graph_->points_in_map = state.points_in_map;
+  nodes_.clear();
+  for (const Pose2& node : state.map_from_node) {
+    nodes_.emplace_back(node);
+  }
+}
+
 void PlaneProblem::MoveBack() {
   graph_->map_from_node = nodes_before_;
   nodes_ = turned_before_;

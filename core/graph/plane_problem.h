@@ -25,14 +25,17 @@ LinearisedPrior<2, 3> Linearised(const PoseGraph& graph, const PositionPrior& pr
 
 // A pose with its sine and cosine, which are dear.
 struct TurnedPose2 {
-  explicit TurnedPose2(const Pose2& pose)
-      : x(pose.x), y(pose.y), theta(pose.theta), cosine(Cos(pose.theta)), sine(Sin(pose.theta)) {}
+  explicit TurnedPose2(const Pose2& pose) : x(pose.x), y(pose.y), theta(pose.theta) {
+    const SineAndCosine turn = SinCos(theta);
+    sine = turn.sine;
+    cosine = turn.cosine;
+  }
 
   double x;
   double y;
   double theta;
-  double cosine;
   double sine;
+  double cosine;
 };
 
 // Blocks: free nodes in the order of their index, then free points that have a constraint. Refers
@@ -49,11 +52,27 @@ class PlaneProblem final : public LeastSquaresProblem {
   void Mark() override;
   void MoveBack() override;
 
+  struct State {
+    std::vector<Pose2> map_from_node;
+    std::vector<Eigen::Vector2d> points_in_map;
+  };
+  State Save() const { return {graph_->map_from_node, graph_->points_in_map}; }
+  void Restore(const State& state);
+
+  // Turns the free nodes, and moves nothing, to the headings that agree best with the constraints'
+  // and priors': a linear problem, once it is said how often each loop turns round, which is taken
+  // from the present headings (Carlone, Aragues, Castellanos and Bona, "A linear approximation for
+  // graph-based simultaneous localization and mapping", RSS 2011, their first phase). `equations`
+  // are those of this problem. False, and nothing is turned, if something is not determined that
+  // way, or if the graph has points, which say something about headings too.
+  bool TurnToAgree(NormalEquations& equations);
+
   // kHeldBlock for held nodes.
   std::uint32_t BlockOfNode(std::uint32_t node) const { return block_of_node_[node]; }
 
  private:
   void LinearisePriors(NormalEquations& equations) const;
+  void LineariseHeadings(NormalEquations& headings) const;
   double Rho(double chi2, bool robust) const { return robust ? kernel_.Rho(chi2) : chi2; }
 
   PoseGraph* graph_;

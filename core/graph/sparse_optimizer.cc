@@ -20,12 +20,33 @@ LeastSquaresOptions LeastSquaresOptionsFrom(const SparseOptions& options) {
           .step_min = options.step_min};
 }
 
+namespace {
+
+LeastSquaresSummary Minimise(PlaneProblem& problem, const SparseOptions& options) {
+  NormalEquations equations(problem.BlockSizes(), problem.Pairs());
+  if (options.turn_first) {
+    const PlaneProblem::State start = problem.Save();
+    const double cost_before = problem.Cost();
+    if (problem.TurnToAgree(equations)) {
+      LeastSquaresSummary summary = Minimise(problem, equations, LeastSquaresOptionsFrom(options));
+      if (summary.cost_after <= cost_before) {
+        summary.cost_before = cost_before;
+        return summary;
+      }
+      problem.Restore(start);
+    }
+  }
+  return Minimise(problem, equations, LeastSquaresOptionsFrom(options));
+}
+
+}  // namespace
+
 OptimizationSummary OptimizeSparse(PoseGraph& graph, const SparseOptions& options) {
   OptimizationSummary summary;
   summary.chi2_before = Chi2(graph);
   const double gained = AlignToPriors(graph, options.kernel);
   PlaneProblem problem(graph, options.kernel);
-  const LeastSquaresSummary minimised = Minimise(problem, LeastSquaresOptionsFrom(options));
+  const LeastSquaresSummary minimised = Minimise(problem, options);
   summary.chi2_after = Chi2(graph);
   summary.iterations = minimised.iterations;
   summary.cost_before = minimised.cost_before + gained;

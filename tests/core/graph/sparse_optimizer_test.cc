@@ -156,6 +156,65 @@ TEST(SparseOptimizerTest, FixedNodesStayAndNothingEndsWorse) {
   }
 }
 
+TEST(SparseOptimizerTest, TurningFirstFindsTheHeadingsAndMovesNothing) {
+  PoseGraph graph = RandomLoopGraph(4, 60);
+  OptimizeSparse(graph, {});
+  // As if it had no noise: what the constraints say is where the nodes are.
+  for (GraphConstraint& constraint : graph.constraints) {
+    constraint.from_from_to =
+        Inverse(graph.map_from_node[constraint.from]) * graph.map_from_node[constraint.to];
+  }
+  PoseGraph turned = graph;
+  RandomSequence random(5);
+  for (std::size_t i = 1; i < turned.map_from_node.size(); ++i) {
+    turned.map_from_node[i] = graph.map_from_node[i] * RandomPose(random, 20.0, 0.4);
+  }
+  const PoseGraph before = turned;
+  PlaneProblem problem(turned, {});
+  NormalEquations equations(problem.BlockSizes(), problem.Pairs());
+  ASSERT_TRUE(problem.TurnToAgree(equations));
+  for (std::size_t i = 0; i < turned.map_from_node.size(); ++i) {
+    EXPECT_NEAR(WrapAngle(turned.map_from_node[i].theta - graph.map_from_node[i].theta), 0.0, 1e-9);
+    EXPECT_EQ(turned.map_from_node[i].translation(), before.map_from_node[i].translation());
+  }
+  EXPECT_DOUBLE_EQ(problem.Cost(), Chi2(turned));
+}
+
+TEST(SparseOptimizerTest, TurningFirstEndsInTheSameMinimumOrNoHigherThanItBegan) {
+  SparseOptions turn_first;
+  turn_first.turn_first = true;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    const PoseGraph start = RandomLoopGraph(seed, 100);
+    PoseGraph graph = start;
+    PoseGraph turned = start;
+    const double expected = OptimizeSparse(graph, {}).chi2_after;
+    EXPECT_NEAR(OptimizeSparse(turned, turn_first).chi2_after, expected, 1e-9 * expected);
+
+    // Nothing but noise: headings that agree lead anywhere.
+    RandomSequence random(seed);
+    PoseGraph nonsense = start;
+    for (GraphConstraint& constraint : nonsense.constraints) {
+      constraint.from_from_to = RandomPose(random, 5.0, kPi);
+    }
+    const double before = Chi2(nonsense);
+    EXPECT_LE(OptimizeSparse(nonsense, turn_first).chi2_after, before);
+  }
+}
+
+TEST(SparseOptimizerTest, TurningFirstIsLeftOutWherePointsSaySomethingAboutHeadings) {
+  PoseGraph graph = RandomLoopGraph(2, 40);
+  AddPoints(3, 5, graph);
+  PoseGraph turned = graph;
+  PlaneProblem problem(turned, {});
+  NormalEquations equations(problem.BlockSizes(), problem.Pairs());
+  EXPECT_FALSE(problem.TurnToAgree(equations));
+  SparseOptions turn_first;
+  turn_first.turn_first = true;
+  OptimizeSparse(turned, turn_first);
+  OptimizeSparse(graph, {});
+  EXPECT_EQ(turned.map_from_node, graph.map_from_node);
+}
+
 TEST(SparseOptimizerTest, AKernelKeepsOneWrongClosureFromBendingTheMap) {
   PoseGraph clean = RandomLoopGraph(19, 80);
   PoseGraph wrong = clean;
