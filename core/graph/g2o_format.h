@@ -58,7 +58,8 @@ struct G2oGraph {
 StatusOr<G2oGraph> ParseG2o(std::string_view text);
 
 // The graph in g2o's present records, every vertex with its pose. What ParseG2o reads back is equal
-// to the last bit, up to the sign of quaternions and their normalisation.
-std::string PrintG2o(const G2oGraph& graph);
+// to the last bit, up to the sign of quaternions and their normalisation. kFailedPrecondition:
+// there is a joint constraint, for which g2o has no record.
+StatusOr<std::string> PrintG2o(const G2oGraph& graph);
 
 }  // namespace loci

@@ -158,7 +158,11 @@ void PrintSpace(const G2oGraph& graph, Writer& writer) {
 
 }  // namespace
 
-std::string PrintG2o(const G2oGraph& graph) {
+StatusOr<std::string> PrintG2o(const G2oGraph& graph) {
+  if (!graph.plane.joint_constraints.empty()) {
+    return FailedPreconditionError(
+        "joint_constraints[0]: g2o has no record for a constraint between more than two nodes");
+  }
   Writer writer;
   PrintPlane(graph, writer);
   PrintSpace(graph, writer);

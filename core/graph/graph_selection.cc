@@ -54,6 +54,7 @@ PoseGraph PartOf(const PoseGraph& graph, const GraphSelection& selection) {
   part.point_constraints = Selected(graph.point_constraints, selection.point_constraints);
   part.pose_priors = Selected(graph.pose_priors, selection.pose_priors);
   part.position_priors = Selected(graph.position_priors, selection.position_priors);
+  part.joint_constraints = graph.joint_constraints;
   return part;
 }
 

@@ -9,7 +9,8 @@
 
 namespace loci {
 
-// Per constraint and prior, in the order of the graph, whether it is meant.
+// Per constraint and prior, in the order of the graph, whether it is meant. Joint constraints
+// always are.
 struct GraphSelection {
   std::vector<bool> constraints;
   std::vector<bool> point_constraints;

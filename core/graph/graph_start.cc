@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <utility>
 
 #include "core/base/check.h"
 #include "core/graph/align_to_priors.h"
 #include "core/graph/chordal_start.h"
+#include "core/graph/joint_constraint.h"
 #include "core/graph/prefix_start.h"
 #include "core/graph/space_toro.h"
 #include "core/graph/spanning_tree.h"
@@ -75,6 +77,13 @@ std::span<const GraphStart> StartsFor(const SpaceGraph& /*graph*/) {
 }
 
 void PlaceAtStart(GraphStart start, PoseGraph& graph) {
+  if (!graph.joint_constraints.empty()) {
+    PoseGraph pairs = WithImpliedPairs(graph);
+    PlaceAtStart(start, pairs);
+    graph.map_from_node = std::move(pairs.map_from_node);
+    graph.points_in_map = std::move(pairs.points_in_map);
+    return;
+  }
   switch (start) {
     case GraphStart::kGiven:
       return;

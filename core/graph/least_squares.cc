@@ -31,7 +31,7 @@ double Raised(double damping) {
 }  // namespace
 
 LeastSquaresSummary Minimise(LeastSquaresProblem& problem, const LeastSquaresOptions& options) {
-  NormalEquations equations(problem.BlockSizes(), problem.Pairs());
+  NormalEquations equations(problem.BlockSizes(), problem.Pairs(), problem.Groups());
   return Minimise(problem, equations, options);
 }
 

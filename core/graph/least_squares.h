@@ -17,6 +17,7 @@ class LeastSquaresProblem {
 
   virtual std::vector<int> BlockSizes() const = 0;
   virtual std::vector<BlockPair> Pairs() const = 0;
+  virtual std::vector<BlockGroup> Groups() const { return {}; }
 
   // The sum of rho(e^T Omega e) at the present state.
   virtual double Cost() const = 0;

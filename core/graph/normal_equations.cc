@@ -18,9 +18,11 @@ constexpr double kDiagonalMinRelative = 1e-9;
 }  // namespace
 
 NormalEquations::NormalEquations(const std::vector<int>& block_sizes,
-                                 const std::vector<BlockPair>& pairs)
+                                 const std::vector<BlockPair>& pairs,
+                                 const std::vector<BlockGroup>& groups)
     : NormalEquations(block_sizes, EliminationTree()) {
   pairs_ = pairs;
+  groups_ = groups;
   tree_.Reserve(block_sizes_.size(), pairs_.size());
   for (const int block_size : block_sizes_) {
     tree_.AddVariable(block_size);
@@ -30,6 +32,9 @@ NormalEquations::NormalEquations(const std::vector<int>& block_sizes,
     LOCI_CHECK(pair.row != pair.column);
     const std::array<std::uint32_t, 2> variables{pair.row, pair.column};
     pair_term_.push_back(tree_.AddTerm(variables));
+  }
+  for (const BlockGroup& group : groups_) {
+    group_term_.push_back(tree_.AddTerm(group));
   }
 }
 
@@ -50,6 +55,8 @@ NormalEquations NormalEquations::Resized(int block_size) {
                           tree_.Resized(block_size));
   resized.pairs_ = pairs_;
   resized.pair_term_ = pair_term_;
+  resized.groups_ = groups_;
+  resized.group_term_ = group_term_;
   return resized;
 }
 
@@ -90,6 +97,19 @@ Eigen::VectorXd NormalEquations::Diagonal() const {
       const Eigen::Index at =
           i < rows ? offset_[pairs_[pair].row] + i : offset_[pairs_[pair].column] + i - rows;
       diagonal(at) += values[i * (all + 1) + i];
+    }
+  }
+  for (std::size_t group = 0; group < groups_.size(); ++group) {
+    const double* values = tree_.TermValues(group_term_[group]);
+    std::ptrdiff_t all = 0;
+    for (const std::uint32_t block : groups_[group]) {
+      all += block_sizes_[block];
+    }
+    std::ptrdiff_t at = 0;
+    for (const std::uint32_t block : groups_[group]) {
+      for (int i = 0; i < block_sizes_[block]; ++i, ++at) {
+        diagonal(offset_[block] + i) += values[at * (all + 1) + at];
+      }
     }
   }
   return diagonal;

@@ -19,6 +19,9 @@ struct BlockPair {
   std::uint32_t column = 0;
 };
 
+// Blocks that one term joins, one or more of them, no two equal.
+using BlockGroup = std::vector<std::uint32_t>;
+
 inline constexpr std::uint32_t kHeldBlock = 0xFFFFFFFFU;
 
 // H is symmetric, one block of rows and columns per variable. The elimination order and the pattern
@@ -27,8 +30,11 @@ inline constexpr std::uint32_t kHeldBlock = 0xFFFFFFFFU;
 // depend on no BLAS (design.md, section 3).
 class NormalEquations {
  public:
-  // `pairs` in the order in which PairValues names them; they may be there more than once.
-  NormalEquations(const std::vector<int>& block_sizes, const std::vector<BlockPair>& pairs);
+  // `pairs` and `groups` in the order in which PairValues and GroupValues name them; they may be
+  // there more than once.
+  NormalEquations(const std::vector<int>& block_sizes,
+                  const std::vector<BlockPair>& pairs,
+                  const std::vector<BlockGroup>& groups = {});
   NormalEquations(const NormalEquations&) = delete;
   NormalEquations& operator=(const NormalEquations&) = delete;
   NormalEquations(NormalEquations&&) = default;
@@ -41,7 +47,7 @@ class NormalEquations {
   Eigen::Index size() const { return size_; }
   Eigen::Index offset(std::uint32_t block) const { return offset_[block]; }
 
-  // H = 0, g = 0, but for the pairs.
+  // H = 0, g = 0, but for the pairs and groups.
   void Clear();
 
   // Adds a symmetric matrix to the diagonal block of `block`.
@@ -63,9 +69,10 @@ class NormalEquations {
     }
   }
 
-  // The term of a pair, `row` before `column`, to be written (EliminationTree::SetTerm). After
-  // Clear, every pair must be.
+  // The term of a pair, `row` before `column`, or of a group, to be written
+  // (EliminationTree::SetTerm). After Clear, every pair and every group must be.
   double* PairValues(std::size_t pair) { return tree_.TermValues(pair_term_[pair]); }
+  double* GroupValues(std::size_t group) { return tree_.TermValues(group_term_[group]); }
 
   // Factorises H + damping * D, where D is H's diagonal (an entry of it is at
   // least 1e-9 of the largest). False if that is not positive definite.
@@ -92,6 +99,8 @@ class NormalEquations {
   std::vector<std::uint32_t> own_term_;  // per block; kNone: it needs none so far
   std::vector<std::uint32_t> pair_term_;
   std::vector<BlockPair> pairs_;
+  std::vector<std::uint32_t> group_term_;
+  std::vector<BlockGroup> groups_;
   Eigen::VectorXd damping_;  // what Factor has added to the diagonal
 };
 

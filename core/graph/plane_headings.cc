@@ -46,7 +46,8 @@ void PlaneProblem::LineariseHeadings(NormalEquations& headings) const {
 }
 
 bool PlaneProblem::TurnToAgree(NormalEquations& equations) {
-  if (!graph_->point_constraints.empty() || equations.size() == 0) {
+  if (!graph_->point_constraints.empty() || !graph_->joint_constraints.empty() ||
+      equations.size() == 0) {
     return false;
   }
   NormalEquations headings = equations.Resized(1);

@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "core/graph/joint_constraint.h"
+
 namespace loci {
 namespace {
 
@@ -149,6 +151,23 @@ std::vector<BlockPair> PlaneProblem::Pairs() const {
   return pairs;
 }
 
+// One group per joint constraint with a free node, in their order.
+std::vector<BlockGroup> PlaneProblem::Groups() const {
+  std::vector<BlockGroup> groups;
+  for (const JointConstraint& constraint : graph_->joint_constraints) {
+    BlockGroup group;
+    for (const std::uint32_t node : constraint.nodes) {
+      if (block_of_node_[node] != kHeldBlock) {
+        group.push_back(block_of_node_[node]);
+      }
+    }
+    if (!group.empty()) {
+      groups.push_back(std::move(group));
+    }
+  }
+  return groups;
+}
+
 double PlaneProblem::Cost() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < graph_->constraints.size(); ++i) {
@@ -165,6 +184,9 @@ double PlaneProblem::Cost() const {
   }
   for (const PositionPrior& prior : graph_->position_priors) {
     sum += Rho(Chi2Of(*graph_, prior), prior.robust);
+  }
+  for (const JointConstraint& constraint : graph_->joint_constraints) {
+    sum += Chi2Of(*graph_, constraint);
   }
   return sum;
 }
@@ -198,6 +220,25 @@ void PlaneProblem::Linearise(NormalEquations& equations) const {
         block_of_point_[constraint.point]);
   }
   LinearisePriors(equations);
+  LineariseJoints(equations);
+}
+
+void PlaneProblem::LineariseJoints(NormalEquations& equations) const {
+  std::size_t group = 0;
+  for (const JointConstraint& constraint : graph_->joint_constraints) {
+    std::vector<bool> is_free;
+    bool any_free = false;
+    for (const std::uint32_t node : constraint.nodes) {
+      is_free.push_back(block_of_node_[node] != kHeldBlock);
+      any_free = any_free || is_free.back();
+    }
+    if (any_free) {
+      WriteTerm(Linearised(*graph_, constraint),
+                constraint.information,
+                is_free,
+                equations.GroupValues(group++));
+    }
+  }
 }
 
 void PlaneProblem::LinearisePriors(NormalEquations& equations) const {

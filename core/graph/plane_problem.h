@@ -46,6 +46,7 @@ class PlaneProblem final : public LeastSquaresProblem {
 
   std::vector<int> BlockSizes() const override { return block_sizes_; }
   std::vector<BlockPair> Pairs() const override;
+  std::vector<BlockGroup> Groups() const override;
   double Cost() const override;
   void Linearise(NormalEquations& equations) const override;
   void Move(const Eigen::VectorXd& step, const NormalEquations& equations) override;
@@ -64,7 +65,7 @@ class PlaneProblem final : public LeastSquaresProblem {
   // from the present headings (Carlone, Aragues, Castellanos and Bona, "A linear approximation for
   // graph-based simultaneous localization and mapping", RSS 2011, their first phase). `equations`
   // are those of this problem. False, and nothing is turned, if something is not determined that
-  // way, or if the graph has points, which say something about headings too.
+  // way, or if the graph has points or joint constraints, which say something about headings too.
   bool TurnToAgree(NormalEquations& equations);
 
   // kHeldBlock for held nodes.
@@ -73,6 +74,7 @@ class PlaneProblem final : public LeastSquaresProblem {
  private:
   void LinearisePriors(NormalEquations& equations) const;
   void LineariseHeadings(NormalEquations& headings) const;
+  void LineariseJoints(NormalEquations& equations) const;
   double Rho(double chi2, bool robust) const { return robust ? kernel_.Rho(chi2) : chi2; }
 
   PoseGraph* graph_;

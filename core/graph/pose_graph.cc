@@ -48,6 +48,37 @@ Status ValidateConstraint(const PoseGraph& graph,
   return ValidateInformation(constraint.information, name + ".information");
 }
 
+Status ValidateConstraint(const PoseGraph& graph,
+                          const JointConstraint& constraint,
+                          const std::string& name) {
+  const std::size_t count = constraint.nodes.size();
+  if (count < 2 || constraint.first_from_node.size() != count - 1) {
+    return InvalidArgumentError(name + ": " + std::to_string(count) + " nodes and " +
+                                std::to_string(constraint.first_from_node.size()) +
+                                " poses, must be one pose less than nodes, and at least one");
+  }
+  std::vector<std::uint32_t> nodes = constraint.nodes;
+  std::sort(nodes.begin(), nodes.end());
+  LOCI_RETURN_IF_ERROR(ValidateIndex(nodes.back(), graph.map_from_node.size(), name + ".nodes"));
+  const auto twice = std::adjacent_find(nodes.begin(), nodes.end());
+  if (twice != nodes.end()) {
+    return InvalidArgumentError(name + ": joins node " + std::to_string(*twice) + " to itself");
+  }
+  for (const Pose2& pose : constraint.first_from_node) {
+    if (!pose.vector().allFinite()) {
+      return InvalidArgumentError(name + ".first_from_node: a number is not finite");
+    }
+  }
+  const auto size = static_cast<Eigen::Index>(3 * (count - 1));
+  if (constraint.information.rows() != size || constraint.information.cols() != size) {
+    return InvalidArgumentError(name +
+                                ".information: " + std::to_string(constraint.information.rows()) +
+                                " x " + std::to_string(constraint.information.cols()) +
+                                ", must be " + std::to_string(size) + " x " + std::to_string(size));
+  }
+  return ValidateInformation(constraint.information, name + ".information");
+}
+
 Status ValidatePrior(const PoseGraph& graph, const PosePrior& prior, const std::string& name) {
   LOCI_RETURN_IF_ERROR(ValidateIndex(prior.node, graph.map_from_node.size(), name + ".node"));
   if (!prior.map_from_node.vector().allFinite()) {
@@ -96,6 +127,14 @@ auto SortKey(const PositionPrior& p) {
   std::array<double, 6> numbers{p.node_in_map.x(), p.node_in_map.y()};
   std::copy_n(p.information.data(), 4, numbers.begin() + 2);
   return std::make_tuple(p.node, numbers, p.robust);
+}
+auto SortKey(const JointConstraint& c) {
+  std::vector<double> numbers;
+  for (const Pose2& pose : c.first_from_node) {
+    numbers.insert(numbers.end(), {pose.x, pose.y, pose.theta});
+  }
+  numbers.insert(numbers.end(), c.information.data(), c.information.data() + c.information.size());
+  return std::make_tuple(c.nodes, numbers);
 }
 
 template <typename Term>
@@ -157,6 +196,17 @@ Eigen::Vector2d ErrorOf(const PoseGraph& graph, const PositionPrior& prior) {
   return graph.map_from_node[prior.node].translation() - prior.node_in_map;
 }
 
+Eigen::VectorXd ErrorOf(const PoseGraph& graph, const JointConstraint& constraint) {
+  const Pose2 first_from_map = Inverse(graph.map_from_node[constraint.nodes.front()]);
+  Eigen::VectorXd error(3 * static_cast<Eigen::Index>(constraint.first_from_node.size()));
+  for (std::size_t i = 0; i < constraint.first_from_node.size(); ++i) {
+    const Pose2 predicted = first_from_map * graph.map_from_node[constraint.nodes[i + 1]];
+    error.segment<3>(3 * static_cast<Eigen::Index>(i)) =
+        (Inverse(constraint.first_from_node[i]) * predicted).vector();
+  }
+  return error;
+}
+
 double Chi2Of(const PoseGraph& graph, const GraphConstraint& constraint) {
   const Eigen::Vector3d error = ErrorOf(graph, constraint);
   return error.dot(constraint.information * error);
@@ -177,11 +227,17 @@ double Chi2Of(const PoseGraph& graph, const PositionPrior& prior) {
   return error.dot(prior.information * error);
 }
 
+double Chi2Of(const PoseGraph& graph, const JointConstraint& constraint) {
+  const Eigen::VectorXd error = ErrorOf(graph, constraint);
+  return error.dot(constraint.information * error);
+}
+
 double Chi2(const PoseGraph& graph) {
   double sum = SumOfChi2(graph, graph.constraints, 0.0);
   sum = SumOfChi2(graph, graph.point_constraints, sum);
   sum = SumOfChi2(graph, graph.pose_priors, sum);
-  return SumOfChi2(graph, graph.position_priors, sum);
+  sum = SumOfChi2(graph, graph.position_priors, sum);
+  return SumOfChi2(graph, graph.joint_constraints, sum);
 }
 
 Status ValidateGraph(const PoseGraph& graph) {
@@ -205,12 +261,17 @@ Status ValidateGraph(const PoseGraph& graph) {
     LOCI_RETURN_IF_ERROR(ValidateConstraint(
         graph, graph.point_constraints[i], "point_constraints[" + std::to_string(i) + "]"));
   }
+  for (std::size_t i = 0; i < graph.joint_constraints.size(); ++i) {
+    LOCI_RETURN_IF_ERROR(ValidateConstraint(
+        graph, graph.joint_constraints[i], "joint_constraints[" + std::to_string(i) + "]"));
+  }
   return ValidatePriors(graph);
 }
 
 std::size_t CountZeroInformation(const PoseGraph& graph) {
   return CountZero(graph.constraints) + CountZero(graph.point_constraints) +
-         CountZero(graph.pose_priors) + CountZero(graph.position_priors);
+         CountZero(graph.pose_priors) + CountZero(graph.position_priors) +
+         CountZero(graph.joint_constraints);
 }
 
 void SortConstraints(PoseGraph& graph) {
@@ -218,6 +279,7 @@ void SortConstraints(PoseGraph& graph) {
   SortByKey(graph.point_constraints);
   SortByKey(graph.pose_priors);
   SortByKey(graph.position_priors);
+  SortByKey(graph.joint_constraints);
 }
 
 GraphComponents FindComponents(const PoseGraph& graph) {
@@ -226,6 +288,11 @@ GraphComponents FindComponents(const PoseGraph& graph) {
   std::iota(parent.begin(), parent.end(), 0U);
   for (const GraphConstraint& constraint : graph.constraints) {
     Join(parent, constraint.from, constraint.to);
+  }
+  for (const JointConstraint& constraint : graph.joint_constraints) {
+    for (const std::uint32_t node : constraint.nodes) {
+      Join(parent, constraint.nodes.front(), node);
+    }
   }
   for (const PointConstraint& constraint : graph.point_constraints) {
     Join(parent, constraint.from, static_cast<std::uint32_t>(node_count) + constraint.point);

@@ -26,6 +26,16 @@ struct GraphConstraint {
   bool robust = false;  // may be wrong (a closure): the optimiser's robust kernel applies to it
 };
 
+// Measured poses of nodes in the frame of another one, with one information of them all: what a
+// node that has been removed said of its neighbours (marginalise.h).
+//
+// Error: those of GraphConstraints from nodes[0] to nodes[1], nodes[2] .., stacked. Never robust.
+struct JointConstraint {
+  std::vector<std::uint32_t> nodes;    // two or more, no two of them equal
+  std::vector<Pose2> first_from_node;  // of nodes[1], nodes[2] .. in the frame of nodes[0]
+  Eigen::MatrixXd information;         // of the stacked error, positive semidefinite
+};
+
 // A measured position of a point in the frame of a node.
 //
 // Error: e = Inverse(map_from_from) * point_in_map - point_in_from (g2o's EDGE_SE2_XY).
@@ -73,6 +83,7 @@ struct PoseGraph {
   std::vector<bool> fixed_points;
   std::vector<PosePrior> pose_priors;
   std::vector<PositionPrior> position_priors;
+  std::vector<JointConstraint> joint_constraints;
 
   bool IsFixed(std::size_t node) const { return node < fixed.size() && fixed[node]; }
   bool IsPointFixed(std::size_t point) const {
@@ -85,19 +96,22 @@ Eigen::Vector3d ErrorOf(const PoseGraph& graph, const GraphConstraint& constrain
 Eigen::Vector2d ErrorOf(const PoseGraph& graph, const PointConstraint& constraint);
 Eigen::Vector3d ErrorOf(const PoseGraph& graph, const PosePrior& prior);
 Eigen::Vector2d ErrorOf(const PoseGraph& graph, const PositionPrior& prior);
+Eigen::VectorXd ErrorOf(const PoseGraph& graph, const JointConstraint& constraint);
 
 // e^T Omega e of one constraint or prior.
 double Chi2Of(const PoseGraph& graph, const GraphConstraint& constraint);
 double Chi2Of(const PoseGraph& graph, const PointConstraint& constraint);
 double Chi2Of(const PoseGraph& graph, const PosePrior& prior);
 double Chi2Of(const PoseGraph& graph, const PositionPrior& prior);
+double Chi2Of(const PoseGraph& graph, const JointConstraint& constraint);
 
 // The sum over all constraints and priors, in the order of their index; no kernel, no factor 1/2.
 double Chi2(const PoseGraph& graph);
 
 // kInvalidArgument, naming the constraint or prior and the field, if an index is out of range, a
-// constraint joins a node to itself, a number is not finite, or an information is not symmetric
-// positive semidefinite (core/graph/information.h).
+// constraint joins a node to itself, a number is not finite, an information is not symmetric
+// positive semidefinite (core/graph/information.h), or the parts of a joint constraint do not match
+// in number.
 Status ValidateGraph(const PoseGraph& graph);
 
 // Constraints and priors whose information is zero: they count, and say nothing.

@@ -235,6 +235,10 @@ void MarkClosures(PoseGraph& graph) {
 
 StatusOr<RobustSummary> OptimizeRobustly(PoseGraph& graph, const RobustOptions& options) {
   LOCI_RETURN_IF_ERROR(ValidateGraph(graph));
+  if (options.method == RobustMethod::kConsistent && !graph.joint_constraints.empty()) {
+    return FailedPreconditionError(
+        "joint_constraints[0]: method consistent knows constraints between two nodes only");
+  }
   RobustSummary summary;
   const double chi2_before = Chi2(graph);
   SparseOptions plain = options.sparse;

@@ -65,7 +65,8 @@ void MarkClosures(PoseGraph& graph);
 // Kernels begin at the given poses or, where the kernel's cost is lower there, at the poses that
 // follow from the trusted constraints alone. kConsistent begins at those always. It leaves robust
 // point constraints and priors to Geman and McClure's kernel, when the poses are found.
-// Errors: those of ValidateGraph; the graph is unchanged then.
+// Errors: those of ValidateGraph, and kFailedPrecondition for kConsistent where there is a joint
+// constraint, since its paths lead over pairs only. The graph is unchanged then.
 StatusOr<RobustSummary> OptimizeRobustly(PoseGraph& graph, const RobustOptions& options);
 
 }  // namespace loci

@@ -23,7 +23,7 @@ LeastSquaresOptions LeastSquaresOptionsFrom(const SparseOptions& options) {
 namespace {
 
 LeastSquaresSummary Minimise(PlaneProblem& problem, const SparseOptions& options) {
-  NormalEquations equations(problem.BlockSizes(), problem.Pairs());
+  NormalEquations equations(problem.BlockSizes(), problem.Pairs(), problem.Groups());
   if (options.turn_first) {
     const PlaneProblem::State start = problem.Save();
     const double cost_before = problem.Cost();
@@ -57,7 +57,9 @@ OptimizationSummary OptimizeSparse(PoseGraph& graph, const SparseOptions& option
 
 struct GraphCovariance::Factor {
   Factor(const PoseGraph& present, const RobustKernel& kernel)
-      : graph(present), problem(graph, kernel), equations(problem.BlockSizes(), problem.Pairs()) {}
+      : graph(present),
+        problem(graph, kernel),
+        equations(problem.BlockSizes(), problem.Pairs(), problem.Groups()) {}
 
   bool IsHeld(std::uint32_t node) const { return problem.BlockOfNode(node) == kHeldBlock; }
 
@@ -130,6 +132,24 @@ Eigen::Matrix3d GraphCovariance::Relative(std::uint32_t from, std::uint32_t to) 
   const Eigen::Matrix3d sum = to_to + adjoint * from_from * adjoint.transpose() -
                               adjoint * from_to - from_to.transpose() * adjoint.transpose();
   return 0.5 * (sum + sum.transpose());
+}
+
+Eigen::MatrixXd GraphCovariance::Joint(std::span<const std::uint32_t> nodes) {
+  const auto size = 3 * static_cast<Eigen::Index>(nodes.size());
+  Eigen::MatrixXd joint(size, size);
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    LOCI_CHECK(nodes[i] < factor_->graph.map_from_node.size());
+    const auto row = 3 * static_cast<Eigen::Index>(i);
+    for (std::size_t j = 0; j < i; ++j) {
+      const auto column = 3 * static_cast<Eigen::Index>(j);
+      const Eigen::Matrix3d block =
+          nodes[i] == nodes[j] ? Marginal(nodes[i]) : factor_->Cross(nodes[i], nodes[j]);
+      joint.block<3, 3>(row, column) = block;
+      joint.block<3, 3>(column, row) = block.transpose();
+    }
+    joint.block<3, 3>(row, row) = Marginal(nodes[i]);
+  }
+  return joint;
 }
 
 }  // namespace loci

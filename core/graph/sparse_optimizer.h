@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
@@ -67,6 +68,8 @@ class GraphCovariance {
   // Of from_from_to = Inverse(map_from_from) * map_from_to, as from_from_to * Exp(xi). For nodes of
   // two components the answer says nothing about their relation, since both are held.
   Eigen::Matrix3d Relative(std::uint32_t from, std::uint32_t to);
+  // Of all these nodes' map_from_node together, three rows and columns each, in their order.
+  Eigen::MatrixXd Joint(std::span<const std::uint32_t> nodes);
 
  private:
   struct Factor;

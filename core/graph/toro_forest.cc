@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/base/check.h"
+#include "core/graph/joint_constraint.h"
 
 namespace loci {
 
@@ -18,6 +19,11 @@ ToroForest::ToroForest(const PoseGraph& graph) {
   edges_.reserve(graph.constraints.size());
   for (const GraphConstraint& constraint : graph.constraints) {
     PushEdge(constraint);
+  }
+  for (const JointConstraint& constraint : graph.joint_constraints) {
+    for (std::size_t i = 1; i < constraint.nodes.size(); ++i) {
+      PushEdge(ImpliedPair(constraint, i));
+    }
   }
   Rebuild(graph.map_from_node, HeldNodes(graph));
 }

@@ -40,7 +40,8 @@ class ToroForest {
     bool IsRoot() const { return parent == ToroTree::kNone; }
   };
 
-  // All nodes and pose constraints of a valid graph, at its poses.
+  // All nodes and pose constraints of a valid graph, at its poses; of a joint constraint its
+  // implied pairs (joint_constraint.h).
   explicit ToroForest(const PoseGraph& graph);
 
   // A new node, which is a root until an edge joins it to another.

@@ -3,6 +3,9 @@
 #include "core/graph/toro_tree.h"
 
 #include <cstddef>
+#include <utility>
+
+#include "core/graph/joint_constraint.h"
 
 namespace loci {
 namespace {
@@ -39,6 +42,11 @@ ToroTree BreadthFirstTree(const PoseGraph& graph) {
   pairs.reserve(graph.constraints.size());
   for (const GraphConstraint& constraint : graph.constraints) {
     pairs.push_back({constraint.from, constraint.to});
+  }
+  for (const JointConstraint& constraint : graph.joint_constraints) {
+    for (std::size_t i = 1; i < constraint.nodes.size(); ++i) {
+      pairs.push_back({constraint.nodes.front(), constraint.nodes[i]});
+    }
   }
   return BreadthFirstTree(HeldNodes(graph), pairs);
 }
@@ -88,6 +96,13 @@ ToroTree BreadthFirstTree(const std::vector<bool>& is_root, std::span<const Node
 }
 
 void PlaceByTree(const ToroTree& tree, PoseGraph& graph) {
+  if (!graph.joint_constraints.empty()) {
+    PoseGraph pairs = WithImpliedPairs(graph);
+    PlaceByTree(tree, pairs);
+    graph.map_from_node = std::move(pairs.map_from_node);
+    graph.points_in_map = std::move(pairs.points_in_map);
+    return;
+  }
   for (const std::uint32_t node : tree.order) {
     if (tree.parent[node] == ToroTree::kNone) {
       continue;

@@ -30,7 +30,8 @@ struct NodePair {
 };
 
 // The breadth-first tree over the pose constraints of `graph`: roots in the order of their index,
-// neighbours in the order of their constraints.
+// neighbours in the order of their constraints. Joint constraints are taken for their implied pairs
+// (joint_constraint.h), which are numbered after the other constraints.
 ToroTree BreadthFirstTree(const PoseGraph& graph);
 
 // The same from nothing but indices. Nodes that no root reaches make their lowest one a root.

@@ -73,7 +73,8 @@ Status RunOptimize(Context& context, const OptimizeArguments& arguments) {
     LOCI_ASSIGN_OR_RETURN(report.solve, Solve(arguments.request, graph.plane));
   }
   const auto write_begin = std::chrono::steady_clock::now();
-  LOCI_RETURN_IF_ERROR(WriteFile(arguments.out, PrintG2o(graph)));
+  LOCI_ASSIGN_OR_RETURN(const std::string printed, PrintG2o(graph));
+  LOCI_RETURN_IF_ERROR(WriteFile(arguments.out, printed));
   report.write_s = SecondsSince(write_begin);
   context.out() << (context.json() ? JsonOf(report, graph) : TextOf(report, graph));
   return {};

@@ -58,7 +58,7 @@ TEST(SpaceGraphTest, ReadsBackWhatItPrints) {
   for (std::int64_t i = 0; i < 20; ++i) {
     graph.space_ids.push_back(i);
   }
-  const StatusOr<G2oGraph> back = ParseG2o(PrintG2o(graph));
+  const StatusOr<G2oGraph> back = ParseG2o(*PrintG2o(graph));
   ASSERT_THAT(back, IsOk());
   const double chi2 = Chi2(graph.space);
   EXPECT_NEAR(Chi2(back->space), chi2, 1e-12 * chi2);

@@ -315,6 +315,20 @@ TEST(GraphCovarianceTest, EqualsTheDenseInverse) {
     const Eigen::Matrix3d expected = jacobian * joint * jacobian.transpose();
     EXPECT_LT((covariance->Relative(from, to) - expected).norm(), 1e-9 * joint.norm());
   }
+  // Of a set, with the node that is held and one that is named twice.
+  const std::vector<std::uint32_t> nodes{17, 0, 39, 3, 17};
+  Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(15, 15);
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    for (std::size_t j = 0; j < nodes.size(); ++j) {
+      if (nodes[i] != 0 && nodes[j] != 0) {
+        expected.block<3, 3>(3 * static_cast<Eigen::Index>(i), 3 * static_cast<Eigen::Index>(j)) =
+            inverse.block<3, 3>(offset(nodes[i]), offset(nodes[j]));
+      }
+    }
+  }
+  const Eigen::MatrixXd joint = covariance->Joint(nodes);
+  EXPECT_EQ(joint, joint.transpose());
+  EXPECT_LT((joint - expected).norm(), 1e-9 * expected.norm());
 }
 
 TEST(GraphCovarianceTest, OfAChainCompoundsAndStaysWhenEverythingMoves) {

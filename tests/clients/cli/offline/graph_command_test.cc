@@ -160,7 +160,7 @@ std::string GraphWithAWrongClosure() {
   for (std::int64_t i = 0; i < 60; ++i) {
     graph.node_ids.push_back(100 + i);
   }
-  return PrintG2o(graph);
+  return *PrintG2o(graph);
 }
 
 TEST_F(GraphCommandTest, RefusesAWrongClosureNamesItAndLeavesItOut) {
@@ -206,7 +206,7 @@ TEST_F(GraphCommandTest, KernelsBeginWhereTheyAreTold) {
   StatusOr<G2oGraph> solved = ParseG2o(Read("true.g2o"));
   ASSERT_THAT(solved, IsOk());
   solved->plane.constraints.push_back({5, 37, Pose2{}, 400.0 * Eigen::Matrix3d::Identity(), true});
-  const std::string near = Write("near.g2o", PrintG2o(*solved));
+  const std::string near = Write("near.g2o", *PrintG2o(*solved));
   ASSERT_EQ(Run({"graph",
                  "optimize",
                  near,
