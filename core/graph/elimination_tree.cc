@@ -47,6 +47,7 @@ EliminationTree EliminationTree::Resized(int size) const {
   tree.term_variables_ = term_variables_;
   tree.uses_ = uses_;
   tree.free_terms_ = free_terms_;
+  tree.free_variables_ = free_variables_;
   std::uint32_t values = 0;
   for (Term& term : tree.terms_) {
     term.size = term.count * width;
@@ -73,6 +74,17 @@ EliminationTree EliminationTree::Resized(int size) const {
 
 std::uint32_t EliminationTree::AddVariable(int size) {
   LOCI_CHECK(size > 0);
+  structure_changed_ = true;
+  for (std::size_t i = free_variables_.size(); i-- > 0;) {
+    const std::uint32_t free = free_variables_[i];
+    if (variables_[free].size == size) {
+      free_variables_.erase(free_variables_.begin() + static_cast<std::ptrdiff_t>(i));
+      variables_[free].gone = false;
+      ResetValue(free);
+      Touch(free);
+      return free;
+    }
+  }
   const auto variable = static_cast<std::uint32_t>(variables_.size());
   variables_.emplace_back();
   variables_.back().size = size;
@@ -81,8 +93,15 @@ std::uint32_t EliminationTree::AddVariable(int size) {
   spread_.resize(value_.size(), 0.0);
   moved_.push_back(0);
   Touch(variable);
-  structure_changed_ = true;
   return variable;
+}
+
+void EliminationTree::RemoveVariable(std::uint32_t variable) {
+  LOCI_CHECK(!variables_[variable].gone && variables_[variable].first_use == kNone);
+  variables_[variable].gone = true;
+  going_variables_.push_back(variable);
+  Touch(variable);
+  structure_changed_ = true;
 }
 
 std::uint32_t EliminationTree::AddTerm(std::span<const std::uint32_t> variables) {
@@ -137,7 +156,9 @@ double* EliminationTree::SetTerm(std::uint32_t index) {
 
 void EliminationTree::TouchAll() {
   for (std::uint32_t variable = 0; variable < variables_.size(); ++variable) {
-    Touch(variable);
+    if (!variables_[variable].gone) {
+      Touch(variable);
+    }
   }
 }
 
@@ -285,7 +306,7 @@ std::uint32_t EliminationTree::NewFront() {
 void EliminationTree::Reorder(std::span<const std::uint32_t> last) {
   std::vector<std::uint32_t> orphans;  // fronts that lose their parents
   const std::vector<std::uint32_t> open = OpenVariables(orphans);
-  is_in_one_order_ = open.size() == variables_.size();
+  is_in_one_order_ = open.size() + free_variables_.size() == variables_.size();
   const VariableGraph graph = GraphOfOpen(open, orphans);
   std::vector<std::uint32_t> last_open;
   for (const std::uint32_t variable : last) {
@@ -349,7 +370,9 @@ void EliminationTree::MakeFronts(const SymbolicTree& tree, std::span<const std::
 }
 
 // The variables of the affected fronts, which they lose, and those that have no front, ascending;
-// each remembers its number among them in `row`.
+// each remembers its number among them in `row`. Those that were removed are not among them: all
+// fronts that know them are affected, since what removed their terms has touched all whose
+// elimination joined them to others.
 std::vector<std::uint32_t> EliminationTree::OpenVariables(std::vector<std::uint32_t>& orphans) {
   std::vector<std::uint32_t> open;
   for (const std::uint32_t variable : touched_) {
@@ -367,6 +390,12 @@ std::vector<std::uint32_t> EliminationTree::OpenVariables(std::vector<std::uint3
       }
     }
   }
+  for (const std::uint32_t variable : going_variables_) {
+    variables_[variable].front = kNone;
+  }
+  free_variables_.insert(free_variables_.end(), going_variables_.begin(), going_variables_.end());
+  going_variables_.clear();
+  std::erase_if(open, [this](std::uint32_t variable) { return variables_[variable].gone; });
   std::sort(open.begin(), open.end());
   for (std::uint32_t i = 0; i < open.size(); ++i) {
     variables_[open[i]].row = i;

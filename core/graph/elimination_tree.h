@@ -31,8 +31,11 @@ class EliminationTree {
   // ordered as this one, and spares the work. This one must be ordered.
   EliminationTree Resized(int size) const;
 
-  // A variable of `size` numbers, at 0. Named by their count.
+  // A variable of `size` numbers, at 0. Named by their count, or as one that is gone.
   std::uint32_t AddVariable(int size);
+  // The variable, of which no term is left, goes with the next Eliminate; from then on its number
+  // may be given to another one.
+  void RemoveVariable(std::uint32_t variable);
   // A term over these variables, no two of them equal; all zero until it is set.
   std::uint32_t AddTerm(std::span<const std::uint32_t> variables);
   // The term's numbers, to be written: column by column the lower triangle of H (size n, all the
@@ -67,7 +70,10 @@ class EliminationTree {
   // The caller has set all terms of this variable anew, about its value: it is 0 now.
   void ResetValue(std::uint32_t variable);
 
+  // Numbers that have been given, those that may be given again included: what memory grows with.
   std::size_t variable_count() const { return variables_.size(); }
+  std::size_t term_count() const { return terms_.size(); }
+  std::size_t front_count() const { return fronts_.size(); }
   // Of the last Eliminate.
   std::size_t eliminated_count() const { return eliminated_count_; }
 
@@ -79,6 +85,7 @@ class EliminationTree {
     std::uint32_t row = 0;            // its first row in the front at hand
     std::uint32_t first_use = kNone;  // by a term, the latest first
     bool touched = false;
+    bool gone = false;
   };
   // That a term is over a variable; the uses of a variable are a list.
   struct Use {
@@ -143,6 +150,8 @@ class EliminationTree {
   std::vector<Use> uses_;
   std::vector<double> term_values_;
   std::vector<std::uint32_t> free_terms_;
+  std::vector<std::uint32_t> going_variables_;  // until their fronts have gone
+  std::vector<std::uint32_t> free_variables_;
   std::vector<Front> fronts_;
   std::vector<std::uint32_t> free_fronts_;
   std::uint64_t sequence_ = 0;

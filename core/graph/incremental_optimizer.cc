@@ -5,17 +5,34 @@
 #include <array>
 #include <cmath>
 #include <set>
+#include <string>
 #include <utility>
 
 #include "core/base/check.h"
+#include "core/graph/joint_constraint.h"
 #include "core/graph/plane_problem.h"
 
 namespace loci {
+namespace {
+
+std::string NameOf(std::uint32_t node) {
+  return "node " + std::to_string(node);
+}
+
+}  // namespace
+
 IncrementalOptimizer::IncrementalOptimizer(const IncrementalOptions& options) : options_(options) {}
 
 std::uint32_t IncrementalOptimizer::AddVariable(int size, Owner owner) {
-  owners_.push_back(owner);
-  return tree_.AddVariable(size);
+  const std::uint32_t variable = tree_.AddVariable(size);
+  owners_.resize(std::max<std::size_t>(owners_.size(), variable + 1));
+  owners_[variable] = owner;
+  return variable;
+}
+
+void IncrementalOptimizer::RemoveVariable(std::uint32_t variable) {
+  std::erase(recent_, variable);
+  tree_.RemoveVariable(variable);
 }
 
 std::uint32_t IncrementalOptimizer::AddNode(const Pose2& map_from_node, bool fixed) {
@@ -38,7 +55,7 @@ std::uint32_t IncrementalOptimizer::AddConstraint(const GraphConstraint& constra
   Join(constraint.from, constraint.to, &constraint.from_from_to);
   const auto index = static_cast<std::uint32_t>(graph_.constraints.size());
   graph_.constraints.push_back(constraint);
-  removed_.push_back(false);
+  states_.push_back(ConstraintState::kThere);
   terms_.push_back(kNone);
   nodes_[constraint.from].constraints.push_back(index);
   nodes_[constraint.to].constraints.push_back(index);
@@ -66,25 +83,61 @@ std::uint32_t IncrementalOptimizer::AddConstraint(const PointConstraint& constra
   point.point_constraints.push_back(index);
   nodes_[constraint.from].point_constraints.push_back(index);
   point_terms_.push_back(kNone);
+  point_removed_.push_back(false);
   MakePointTerm(index);
   return index;
 }
 
-void IncrementalOptimizer::RemoveConstraint(std::uint32_t index) {
+void IncrementalOptimizer::AddConstraint(const JointConstraint& constraint) {
+  for (std::size_t i = 1; i < constraint.nodes.size(); ++i) {
+    Join(constraint.nodes.front(), constraint.nodes[i], &constraint.first_from_node[i - 1]);
+  }
+  AddJoint(constraint);
+}
+
+void IncrementalOptimizer::Detach(std::uint32_t index, ConstraintState state) {
   const GraphConstraint& constraint = graph_.constraints[index];
-  LOCI_CHECK(!removed_[index]);
-  removed_[index] = true;
+  states_[index] = state;
   std::erase(nodes_[constraint.from].constraints, index);
   std::erase(nodes_[constraint.to].constraints, index);
   if (terms_[index] != kNone) {
-    tree_.RemoveTerm(terms_[index]);
-    terms_[index] = kNone;
+    tree_.RemoveTerm(std::exchange(terms_[index], kNone));
   }
-  const std::vector<std::uint32_t> from_side = ConnectedTo(constraint.from);
-  if (!std::binary_search(from_side.begin(), from_side.end(), constraint.to)) {
-    Regroup(from_side);
-    Regroup(ConnectedTo(constraint.to));
+}
+
+Status IncrementalOptimizer::RemoveConstraint(std::uint32_t index) {
+  const std::string name = "constraint " + std::to_string(index);
+  if (index >= states_.size() || states_[index] == ConstraintState::kRemoved) {
+    return NotFoundError(name + ": is not there");
   }
+  const GraphConstraint& constraint = graph_.constraints[index];
+  if (states_[index] == ConstraintState::kMarginalised) {
+    const bool is_from = nodes_[constraint.from].marginalised;
+    return FailedPreconditionError(name + ": " + NameOf(is_from ? constraint.from : constraint.to) +
+                                   " has been marginalised");
+  }
+  Detach(index, ConstraintState::kRemoved);
+  RegroupIfApart(constraint.from, constraint.to);
+  return {};
+}
+
+Status IncrementalOptimizer::RemovePointConstraint(std::uint32_t index) {
+  if (index >= point_removed_.size() || point_removed_[index]) {
+    return NotFoundError("point constraint " + std::to_string(index) + ": is not there");
+  }
+  const PointConstraint& constraint = graph_.point_constraints[index];
+  Point& point = points_[constraint.point];
+  point_removed_[index] = true;
+  std::erase(nodes_[constraint.from].point_constraints, index);
+  std::erase(point.point_constraints, index);
+  tree_.RemoveTerm(std::exchange(point_terms_[index], kNone));
+  if (point.point_constraints.empty()) {
+    Settle(point.variable);
+    RemoveVariable(std::exchange(point.variable, kNone));
+  } else {
+    RegroupIfApart(constraint.from, graph_.point_constraints[point.point_constraints.front()].from);
+  }
+  return {};
 }
 
 std::uint32_t IncrementalOptimizer::FindRoot(std::uint32_t node) {
@@ -137,6 +190,10 @@ std::vector<std::uint32_t> IncrementalOptimizer::ConnectedTo(std::uint32_t node)
       reach(graph_.constraints[index].from);
       reach(graph_.constraints[index].to);
     }
+    for (const std::uint32_t index : nodes_[found[i]].joints) {
+      const std::vector<std::uint32_t>& joined = graph_.joint_constraints[index].nodes;
+      std::for_each(joined.begin(), joined.end(), reach);
+    }
     for (const std::uint32_t index : nodes_[found[i]].point_constraints) {
       const std::uint32_t point = graph_.point_constraints[index].point;
       if (points.insert(point).second) {
@@ -148,6 +205,15 @@ std::vector<std::uint32_t> IncrementalOptimizer::ConnectedTo(std::uint32_t node)
   }
   std::sort(found.begin(), found.end());
   return found;
+}
+
+// The ends of what has been removed.
+void IncrementalOptimizer::RegroupIfApart(std::uint32_t a, std::uint32_t b) {
+  const std::vector<std::uint32_t> side_of_a = ConnectedTo(a);
+  if (!std::binary_search(side_of_a.begin(), side_of_a.end(), b)) {
+    Regroup(side_of_a);
+    Regroup(ConnectedTo(b));
+  }
 }
 
 // Nodes that have become a component of their own.
@@ -190,21 +256,12 @@ void IncrementalOptimizer::Hold(std::uint32_t index) {
   Settle(node.variable);
   node.held = true;
   RemakeTermsOf(index);
-  const std::array<std::uint32_t, 1> variable{node.variable};
-  node.parking_term = tree_.AddTerm(variable);
-  double* values = tree_.SetTerm(node.parking_term);
-  for (std::size_t i = 0; i < 3; ++i) {
-    values[4 * i + i] = 1.0;
-  }
+  RemoveVariable(std::exchange(node.variable, kNone));
 }
 
 void IncrementalOptimizer::Release(std::uint32_t index) {
   Node& node = nodes_[index];
-  if (node.variable == kNone) {
-    node.variable = AddVariable(3, {index, false});
-  } else {
-    tree_.RemoveTerm(std::exchange(node.parking_term, kNone));
-  }
+  node.variable = AddVariable(3, {index, false});
   node.held = false;
   RemakeTermsOf(index);
 }
@@ -215,6 +272,9 @@ void IncrementalOptimizer::RemakeTermsOf(std::uint32_t node) {
   }
   for (const std::uint32_t index : nodes_[node].point_constraints) {
     MakePointTerm(index);
+  }
+  for (const std::uint32_t index : nodes_[node].joints) {
+    MakeJointTerm(index);
   }
 }
 
@@ -295,6 +355,7 @@ void IncrementalOptimizer::Relinearise(std::vector<std::uint32_t>& variables) {
   std::sort(variables.begin(), variables.end());
   std::vector<std::uint32_t> constraints;
   std::vector<std::uint32_t> point_constraints;
+  std::vector<std::uint32_t> joints;
   for (const std::uint32_t variable : variables) {
     Settle(variable);
     const Owner owner = owners_[variable];
@@ -305,6 +366,8 @@ void IncrementalOptimizer::Relinearise(std::vector<std::uint32_t>& variables) {
     if (!owner.is_point) {
       const std::vector<std::uint32_t>& of_poses = nodes_[owner.index].constraints;
       constraints.insert(constraints.end(), of_poses.begin(), of_poses.end());
+      const std::vector<std::uint32_t>& of_many = nodes_[owner.index].joints;
+      joints.insert(joints.end(), of_many.begin(), of_many.end());
     }
   }
   const auto for_each_once = [](std::vector<std::uint32_t>& indices, const auto& set) {
@@ -314,6 +377,7 @@ void IncrementalOptimizer::Relinearise(std::vector<std::uint32_t>& variables) {
   };
   for_each_once(constraints, [this](std::uint32_t index) { SetTerm(index); });
   for_each_once(point_constraints, [this](std::uint32_t index) { SetPointTerm(index); });
+  for_each_once(joints, [this](std::uint32_t index) { SetJointTerm(index); });
 }
 
 Pose2 IncrementalOptimizer::map_from_node(std::uint32_t node) const {
@@ -368,12 +432,30 @@ PoseGraph IncrementalOptimizer::Graph() const {
     graph.points_in_map.push_back(point_in_map(point));
   }
   for (std::size_t i = 0; i < graph_.constraints.size(); ++i) {
-    if (!removed_[i]) {
+    if (states_[i] == ConstraintState::kThere) {
       graph.constraints.push_back(graph_.constraints[i]);
     }
   }
-  graph.point_constraints = graph_.point_constraints;
+  for (std::size_t i = 0; i < graph_.point_constraints.size(); ++i) {
+    if (!point_removed_[i]) {
+      graph.point_constraints.push_back(graph_.point_constraints[i]);
+    }
+  }
+  for (const JointConstraint& joint : graph_.joint_constraints) {
+    if (joint.nodes.size() == 2) {
+      graph.constraints.push_back(PairOf(joint));
+    } else if (!joint.nodes.empty()) {
+      graph.joint_constraints.push_back(joint);
+    }
+  }
   return graph;
+}
+
+IncrementalSize IncrementalOptimizer::Size() const {
+  return {tree_.variable_count(),
+          tree_.term_count(),
+          tree_.front_count(),
+          graph_.joint_constraints.size()};
 }
 
 }  // namespace loci

@@ -6,7 +6,9 @@
 #include <span>
 #include <vector>
 
+#include "core/base/status.h"
 #include "core/graph/elimination_tree.h"
+#include "core/graph/marginalise.h"
 #include "core/graph/pose_graph.h"
 #include "core/graph/robust_kernel.h"
 
@@ -21,6 +23,11 @@ struct IncrementalOptions {
   // A step is passed on to a node only if it moves what the node is tied to by more than this.
   double step_min = 1e-3;
   RobustKernel kernel;  // for constraints marked robust
+  // A node is not marginalised while fewer constraints than this have come after one of its own:
+  // until then that one may be taken back. A closure is judged by those that follow it.
+  std::uint32_t retract_window = 100;
+  // What marginalised nodes leave: MarginalOptions.
+  std::size_t dense_neighbours_max = 4;
 };
 
 struct UpdateSummary {
@@ -31,6 +38,14 @@ struct UpdateSummary {
   bool determined = true;  // false: something is not tied in all directions; no step was taken
 };
 
+// What the optimiser's memory grows with, apart from a few bytes for each number that it has given.
+struct IncrementalSize {
+  std::size_t variables = 0;  // of the elimination tree, with room for those that come
+  std::size_t terms = 0;      // the same
+  std::size_t fronts = 0;     // the same
+  std::size_t joints = 0;     // constraints that marginalised nodes have left
+};
+
 // Gauss-Newton, incrementally (Kaess et al., iSAM2, IJRR 2012): only what a new constraint concerns
 // is linearised, eliminated and solved again; a node that no loop reaches costs the same however
 // large the graph is. Errors, Jacobians and perturbations are those of PoseGraph. Deterministic.
@@ -38,37 +53,54 @@ struct UpdateSummary {
 // Holds the nodes that are fixed, and the lowest of each component that has none. A constraint that
 // joins two components moves the one with the higher lowest node as a whole, to where the
 // constraint says.
+//
+// Nodes can be marginalised (marginalise.h), so that a graph can be bounded by area. What they
+// leave over the same nodes is added up, so that it is bounded too.
 class IncrementalOptimizer {
  public:
   explicit IncrementalOptimizer(const IncrementalOptions& options);
 
-  // Nodes and points are numbered from 0 as they come.
+  // Nodes and points are numbered from 0 as they come; numbers are never used again.
   std::uint32_t AddNode(const Pose2& map_from_node, bool fixed);
   std::uint32_t AddPoint(const Eigen::Vector2d& point_in_map);
   // Constraints must be valid (ValidateGraph). Those of poses and of points are numbered apart,
   // from 0 as they come; numbers are never used again.
   std::uint32_t AddConstraint(const GraphConstraint& constraint);
   std::uint32_t AddConstraint(const PointConstraint& constraint);
-  // As if it had never been there. It must be there.
-  void RemoveConstraint(std::uint32_t constraint);
+  // Has no number, and stays.
+  void AddConstraint(const JointConstraint& constraint);
+  // As if it had never been there; only what nodes have left that were marginalised in the meantime
+  // was linearised with it. Errors: kNotFound, it is not there; kFailedPrecondition, one of its
+  // nodes has been marginalised.
+  Status RemoveConstraint(std::uint32_t constraint);
+  Status RemovePointConstraint(std::uint32_t constraint);
+  // Removes a node, and leaves its marginal at the present poses: best after an Update that has
+  // converged. Errors: kNotFound, no such node, or it has been marginalised; kFailedPrecondition,
+  // the node is fixed, has a point constraint or, in the retract window, a constraint, or its
+  // marginal cannot be had (MarginalOf). Nothing has changed then.
+  Status MarginaliseNode(std::uint32_t node);
 
   // Moves all to the optimum, or on the way to it.
   UpdateSummary Update();
 
   Pose2 map_from_node(std::uint32_t node) const;
   Eigen::Vector2d point_in_map(std::uint32_t point) const;
-  // All nodes, points and constraints that are there, at where they are now.
+  // All nodes, points and constraints that are there, at where they are now. Marginalised nodes
+  // have no constraints, and are where they were last.
   PoseGraph Graph() const;
+  IncrementalSize Size() const;
 
  private:
   static constexpr std::uint32_t kNone = EliminationTree::kNone;
 
+  enum class ConstraintState : std::uint8_t { kThere, kRemoved, kMarginalised };
   struct Node {
-    std::uint32_t variable = kNone;      // kNone: never free so far
-    std::uint32_t parking_term = kNone;  // of a variable that is held again, to determine it
+    std::uint32_t variable = kNone;  // kNone: held
     bool held = true;
+    bool marginalised = false;
     std::vector<std::uint32_t> constraints;
     std::vector<std::uint32_t> point_constraints;
+    std::vector<std::uint32_t> joints;
   };
   struct Point {
     std::uint32_t variable = kNone;  // kNone: no constraint yet
@@ -92,15 +124,29 @@ class IncrementalOptimizer {
   std::vector<std::uint32_t> ConnectedTo(std::uint32_t node) const;
   void Regroup(const std::vector<std::uint32_t>& nodes);
   void MoveTogether(const std::vector<std::uint32_t>& nodes, const Pose2& map_from_old);
+  void RegroupIfApart(std::uint32_t a, std::uint32_t b);
+  void RemoveVariable(std::uint32_t variable);
   void Hold(std::uint32_t node);
   void Release(std::uint32_t node);
   void MakeTerm(std::uint32_t constraint);
   void MakePointTerm(std::uint32_t constraint);
+  void MakeJointTerm(std::uint32_t joint);
   void SetTerm(std::uint32_t constraint);
   void SetPointTerm(std::uint32_t constraint);
+  void SetJointTerm(std::uint32_t joint);
   template <typename Constraint>
   void WriteConstraint(const Constraint& constraint, bool second_is_free, std::uint32_t term);
   void RemakeTermsOf(std::uint32_t node);
+  void Detach(std::uint32_t constraint, ConstraintState state);
+  void AddJoint(JointConstraint joint);
+  void AddToJoints(JointConstraint joint);
+  void RemoveJoint(std::uint32_t joint);
+  std::uint32_t FindNested(const JointConstraint& joint) const;
+  PoseGraph PresentPoses(const std::vector<std::uint32_t>& nodes) const;
+  Status CheckMarginalisable(std::uint32_t node) const;
+  std::vector<std::uint32_t> NeighboursOf(std::uint32_t node) const;
+  StatusOr<NodeMarginal> MarginalOfNode(std::uint32_t node,
+                                        const std::vector<std::uint32_t>& neighbours) const;
   void Settle(std::uint32_t variable);
   bool HasMoved(std::uint32_t variable) const;
   void Relinearise(std::vector<std::uint32_t>& variables);
@@ -111,7 +157,10 @@ class IncrementalOptimizer {
   std::vector<Point> points_;
   std::vector<std::uint32_t> terms_;        // per constraint; kNone: removed, or all of it is held
   std::vector<std::uint32_t> point_terms_;  // per point constraint
-  std::vector<bool> removed_;               // constraints
+  std::vector<std::uint32_t> joint_terms_;  // per joint constraint; the same
+  std::vector<ConstraintState> states_;     // of constraints
+  std::vector<bool> point_removed_;         // point constraints
+  std::vector<std::uint32_t> free_joints_;  // joint constraints that are not there
   std::vector<Component> components_;       // per node
   std::vector<Owner> owners_;               // per variable of the tree
   EliminationTree tree_;

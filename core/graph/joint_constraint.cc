@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "core/base/check.h"
 #include "core/graph/plane_problem.h"
 #include "core/graph/quadratic.h"
 
@@ -57,6 +58,20 @@ void WriteTerm(const LinearisedJoint& linearised,
     }
     to[size] = b(column);
   }
+}
+
+GraphConstraint PairOf(const JointConstraint& constraint) {
+  LOCI_CHECK(constraint.nodes.size() == 2);
+  GraphConstraint pair;
+  pair.from = constraint.nodes[0];
+  pair.to = constraint.nodes[1];
+  pair.from_from_to = constraint.first_from_node.front();
+  pair.information = constraint.information;
+  return pair;
+}
+
+JointConstraint JointOf(const GraphConstraint& constraint) {
+  return {{constraint.from, constraint.to}, {constraint.from_from_to}, constraint.information};
 }
 
 GraphConstraint ImpliedPair(const JointConstraint& constraint, std::size_t i) {

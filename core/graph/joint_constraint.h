@@ -25,6 +25,10 @@ void WriteTerm(const LinearisedJoint& linearised,
                const std::vector<bool>& is_free,
                double* values);
 
+// A constraint of two nodes, in either form.
+GraphConstraint PairOf(const JointConstraint& constraint);
+JointConstraint JointOf(const GraphConstraint& constraint);
+
 // What the constraint says of nodes[0] and nodes[i], i > 0, whatever the others do: the exact
 // marginal for its linear model at its measurements.
 GraphConstraint ImpliedPair(const JointConstraint& constraint, std::size_t i);

@@ -88,54 +88,36 @@ std::vector<std::uint32_t> NeighboursOf(const PoseGraph& graph, std::uint32_t no
   return neighbours;
 }
 
-// The constraints of a node as one quadratic form of right perturbations of its neighbours. The
-// first neighbour does not move: what is said of relative poses is then said of the others' poses.
-class Star {
+// Constraints as one quadratic form of right perturbations of some nodes. The first of them does
+// not move: what is said of relative poses is then said of the others' poses.
+class RelativeForm {
  public:
-  Star(const PoseGraph& graph, std::uint32_t node, const RobustKernel& kernel)
-      : graph_(graph), node_(node), neighbours_(NeighboursOf(graph, node)) {
-    const auto size = 3 * static_cast<Eigen::Index>(neighbours_.size());
+  RelativeForm(const PoseGraph& graph, std::vector<std::uint32_t> nodes)
+      : graph_(graph), nodes_(std::move(nodes)) {
+    const auto size = 3 * (static_cast<Eigen::Index>(nodes_.size()) - 1);
     form_ = {Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
-    if (neighbours_.size() < 2) {
-      return;
-    }
-    for (const GraphConstraint& constraint : graph.constraints) {
-      if (Names(constraint, node)) {
-        const double weight = constraint.robust ? kernel.Weight(Chi2Of(graph, constraint)) : 1.0;
-        const LinearisedPair<3, 3, 3> linearised = Linearised(graph, constraint);
-        Eigen::Matrix<double, 3, 6> jacobian;
-        jacobian << linearised.jacobian_a, linearised.jacobian_b;
-        Add({constraint.from, constraint.to},
-            jacobian,
-            weight * constraint.information,
-            linearised.error);
-      }
-    }
-    for (const JointConstraint& constraint : graph.joint_constraints) {
-      if (Names(constraint, node)) {
-        const LinearisedJoint linearised = Linearised(graph, constraint);
-        Add(constraint.nodes, linearised.jacobian, constraint.information, linearised.error);
-      }
-    }
   }
 
-  const std::vector<std::uint32_t>& neighbours() const { return neighbours_; }
-  // Minimised over the node: of the neighbours but the first one.
-  Quadratic Marginal() const { return MinimisedOverRest(form_, form_.b.size() - 3); }
-  // In whose units directions of it are unknown.
-  Eigen::VectorXd Scale() const { return form_.h.diagonal().head(form_.b.size() - 3); }
+  void Add(const GraphConstraint& constraint, double weight) {
+    const LinearisedPair<3, 3, 3> linearised = Linearised(graph_, constraint);
+    Eigen::Matrix<double, 3, 6> jacobian;
+    jacobian << linearised.jacobian_a, linearised.jacobian_b;
+    Add({constraint.from, constraint.to},
+        jacobian,
+        weight * constraint.information,
+        linearised.error);
+  }
+  void Add(const JointConstraint& constraint) {
+    const LinearisedJoint linearised = Linearised(graph_, constraint);
+    Add(constraint.nodes, linearised.jacobian, constraint.information, linearised.error);
+  }
+
+  const Quadratic& form() const { return form_; }
 
  private:
-  // Of the node's columns in the form, which are the last ones; none for the first neighbour.
   std::optional<Eigen::Index> ColumnOf(std::uint32_t node) const {
-    if (node == node_) {
-      return form_.b.size() - 3;
-    }
-    const auto found = std::lower_bound(neighbours_.begin(), neighbours_.end(), node);
-    if (found == neighbours_.begin()) {
-      return std::nullopt;
-    }
-    return 3 * (found - neighbours_.begin() - 1);
+    const auto place = std::find(nodes_.begin(), nodes_.end(), node) - nodes_.begin();
+    return place == 0 ? std::nullopt : std::optional<Eigen::Index>(3 * (place - 1));
   }
 
   void Add(const std::vector<std::uint32_t>& nodes,
@@ -162,10 +144,39 @@ class Star {
   }
 
   const PoseGraph& graph_;
-  std::uint32_t node_;
-  std::vector<std::uint32_t> neighbours_;
+  std::vector<std::uint32_t> nodes_;
   Quadratic form_;
 };
+
+// The constraints of a node, as a form of its neighbours.
+struct Star {
+  std::vector<std::uint32_t> neighbours;  // the form is of all but the first
+  Quadratic marginal;
+  Eigen::VectorXd scale;  // in whose units a direction of the form is unknown
+};
+
+Star StarOf(const PoseGraph& graph,
+            std::uint32_t node,
+            std::vector<std::uint32_t> neighbours,
+            const RobustKernel& kernel) {
+  std::vector<std::uint32_t> nodes = neighbours;
+  nodes.push_back(node);
+  RelativeForm form(graph, nodes);
+  for (const GraphConstraint& constraint : graph.constraints) {
+    if (Names(constraint, node)) {
+      form.Add(constraint, constraint.robust ? kernel.Weight(Chi2Of(graph, constraint)) : 1.0);
+    }
+  }
+  for (const JointConstraint& constraint : graph.joint_constraints) {
+    if (Names(constraint, node)) {
+      form.Add(constraint);
+    }
+  }
+  const Eigen::Index kept = form.form().b.size() - 3;
+  return {std::move(neighbours),
+          MinimisedOverRest(form.form(), kept),
+          form.form().h.diagonal().head(kept)};
+}
 
 // The constraint whose quadratic form at the present poses is H = `information`, b = H `shift`, for
 // perturbations of nodes[1], nodes[2] .. in the frame of nodes[0].
@@ -187,8 +198,7 @@ StatusOr<JointConstraint> ConstraintAt(const PoseGraph& graph,
     const Pose2 moved{shift(row), shift(row + 1), shift(row + 2)};
     // As a pose, the shift would be a turn the other way round.
     if (!(moved.theta > -kPi && moved.theta < kPi)) {
-      return FailedPreconditionError("disagree about nodes " + std::to_string(nodes.front()) +
-                                     " and " + std::to_string(nodes[i]) + " by " +
+      return FailedPreconditionError("disagree about a relative pose of the neighbours by " +
                                      std::to_string(moved.theta) + " rad, must be less than pi");
     }
     constraint.first_from_node.push_back(first_from_map * graph.map_from_node[nodes[i]] * moved);
@@ -199,15 +209,6 @@ StatusOr<JointConstraint> ConstraintAt(const PoseGraph& graph,
   const Eigen::MatrixXd turned = turn * information * turn.transpose();
   constraint.information = 0.5 * (turned + turned.transpose());
   return constraint;
-}
-
-GraphConstraint PairOf(const JointConstraint& constraint) {
-  GraphConstraint pair;
-  pair.from = constraint.nodes[0];
-  pair.to = constraint.nodes[1];
-  pair.from_from_to = constraint.first_from_node.front();
-  pair.information = constraint.information;
-  return pair;
 }
 
 // The relative pose of two neighbours, by their places among them.
@@ -311,8 +312,8 @@ class NeighbourTree {
 
 Status RefuseTree(const Star& star, Eigen::Index rank, const MarginalOptions& options) {
   return FailedPreconditionError(
-      "determine " + std::to_string(rank) + " of " + std::to_string(star.Scale().size()) +
-      " numbers of the relative poses of " + std::to_string(star.neighbours().size()) +
+      "determine " + std::to_string(rank) + " of " + std::to_string(star.scale.size()) +
+      " numbers of the relative poses of " + std::to_string(star.neighbours.size()) +
       " neighbours; must be all where there are more than " +
       std::to_string(options.dense_neighbours_max) + " neighbours");
 }
@@ -322,13 +323,13 @@ Status RefuseTree(const Star& star, Eigen::Index rank, const MarginalOptions& op
 StatusOr<NodeMarginal> SparseMarginal(const PoseGraph& graph,
                                       const Star& star,
                                       const MarginalOptions& options) {
-  const Quadratic exact = star.Marginal();
-  const Eigen::Index rank = RankOf(exact.h, star.Scale());
+  const Quadratic& exact = star.marginal;
+  const Eigen::Index rank = RankOf(exact.h, star.scale);
   if (rank < exact.b.size()) {
     return RefuseTree(star, rank, options);
   }
-  const Eigen::MatrixXd covariance = PseudoInverse(exact.h, star.Scale());
-  const NeighbourTree tree(graph, star.neighbours(), covariance);
+  const Eigen::MatrixXd covariance = PseudoInverse(exact.h, star.scale);
+  const NeighbourTree tree(graph, star.neighbours, covariance);
   const Eigen::MatrixXd edges_from_neighbours = tree.FromNeighbours();
   const Eigen::VectorXd b = edges_from_neighbours.transpose().partialPivLu().solve(exact.b);
   NodeMarginal result;
@@ -343,19 +344,18 @@ StatusOr<NodeMarginal> SparseMarginal(const PoseGraph& graph,
     LOCI_ASSIGN_OR_RETURN(
         const JointConstraint constraint,
         ConstraintAt(
-            graph, {star.neighbours()[edge.from], star.neighbours()[edge.to]}, information, shift));
+            graph, {star.neighbours[edge.from], star.neighbours[edge.to]}, information, shift));
     result.constraints.push_back(PairOf(constraint));
   }
   return result;
 }
 
 StatusOr<NodeMarginal> DenseMarginal(const PoseGraph& graph, const Star& star) {
-  const Quadratic exact = star.Marginal();
-  LOCI_ASSIGN_OR_RETURN(
-      JointConstraint constraint,
-      ConstraintAt(graph, star.neighbours(), exact.h, Minimum(exact, star.Scale())));
+  const Quadratic& exact = star.marginal;
+  LOCI_ASSIGN_OR_RETURN(JointConstraint constraint,
+                        ConstraintAt(graph, star.neighbours, exact.h, Minimum(exact, star.scale)));
   NodeMarginal result;
-  if (star.neighbours().size() == 2) {
+  if (star.neighbours.size() == 2) {
     result.constraints.push_back(PairOf(constraint));
   } else {
     result.joint_constraints.push_back(std::move(constraint));
@@ -369,11 +369,12 @@ StatusOr<NodeMarginal> MarginalOf(const PoseGraph& graph,
                                   std::uint32_t node,
                                   const MarginalOptions& options) {
   LOCI_RETURN_IF_ERROR(CheckNode(graph, node));
-  const Star star(graph, node, options.kernel);
-  const std::size_t count = star.neighbours().size();
+  std::vector<std::uint32_t> neighbours = NeighboursOf(graph, node);
+  const std::size_t count = neighbours.size();
   if (count < 2) {
     return NodeMarginal{};
   }
+  const Star star = StarOf(graph, node, std::move(neighbours), options.kernel);
   StatusOr<NodeMarginal> marginal = count <= std::max<std::size_t>(2, options.dense_neighbours_max)
                                         ? DenseMarginal(graph, star)
                                         : SparseMarginal(graph, star, options);
@@ -382,6 +383,26 @@ StatusOr<NodeMarginal> MarginalOf(const PoseGraph& graph,
                   NameOf(node) + ": its constraints " + marginal.status().message());
   }
   return marginal;
+}
+
+StatusOr<JointConstraint> SumOf(const PoseGraph& graph,
+                                const std::vector<JointConstraint>& constraints) {
+  std::vector<std::uint32_t> nodes;
+  for (const JointConstraint& constraint : constraints) {
+    nodes.insert(nodes.end(), constraint.nodes.begin(), constraint.nodes.end());
+  }
+  std::sort(nodes.begin(), nodes.end());
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  RelativeForm form(graph, nodes);
+  for (const JointConstraint& constraint : constraints) {
+    form.Add(constraint);
+  }
+  StatusOr<JointConstraint> sum =
+      ConstraintAt(graph, nodes, form.form().h, Minimum(form.form(), form.form().h.diagonal()));
+  if (!sum.ok()) {
+    return Status(sum.status().code(), "joint constraints " + sum.status().message());
+  }
+  return sum;
 }
 
 Status MarginaliseNode(std::uint32_t node, const MarginalOptions& options, PoseGraph& graph) {

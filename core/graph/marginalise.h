@@ -58,6 +58,12 @@ StatusOr<NodeMarginal> MarginalOf(const PoseGraph& graph,
                                   std::uint32_t node,
                                   const MarginalOptions& options);
 
+// One constraint over all the nodes of some, which are one or more: their sum as it is linearised
+// at the present poses, less the chi2 that no pose can change. kFailedPrecondition if they disagree
+// by half a turn or more.
+StatusOr<JointConstraint> SumOf(const PoseGraph& graph,
+                                const std::vector<JointConstraint>& constraints);
+
 // Removes a node and its constraints, and adds its marginal after the other constraints. Nodes
 // above it move down by one number. Errors: those of MarginalOf; the graph is unchanged then.
 Status MarginaliseNode(std::uint32_t node, const MarginalOptions& options, PoseGraph& graph);

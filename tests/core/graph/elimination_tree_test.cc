@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <map>
+#include <set>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -22,10 +23,33 @@ namespace {
 class Problem {
  public:
   std::uint32_t AddVariable(int size) {
-    offsets_.push_back(size_);
-    sizes_.push_back(size);
-    size_ += size;
-    return tree_.AddVariable(size);
+    const std::uint32_t variable = tree_.AddVariable(size);
+    if (variable == sizes_.size()) {
+      offsets_.push_back(size_);
+      sizes_.push_back(size);
+      size_ += size;
+    } else {
+      EXPECT_EQ(gone_.erase(variable), 1U) << "numbers of variables that are gone only";
+      EXPECT_EQ(sizes_[variable], size);
+    }
+    return variable;
+  }
+  // With all its terms.
+  void RemoveVariable(std::uint32_t variable) {
+    for (auto term = terms_.begin(); term != terms_.end();) {
+      const std::vector<std::uint32_t>& variables = term->second.variables;
+      if (std::find(variables.begin(), variables.end(), variable) != variables.end()) {
+        tree_.RemoveTerm(term->first);
+        term = terms_.erase(term);
+      } else {
+        ++term;
+      }
+    }
+    tree_.RemoveVariable(variable);
+    gone_.insert(variable);
+  }
+  bool IsThere(std::uint32_t variable) const {
+    return variable < sizes_.size() && gone_.count(variable) == 0;
   }
 
   // A random positive semidefinite term; of full rank if it is over one variable.
@@ -75,6 +99,9 @@ class Problem {
   Eigen::MatrixXd DenseMatrix(Eigen::VectorXd& b) const {
     Eigen::MatrixXd h = Eigen::MatrixXd::Zero(size_, size_);
     b = Eigen::VectorXd::Zero(size_);
+    for (const std::uint32_t variable : gone_) {  // has a place, and no part
+      h.diagonal().segment(offsets_[variable], sizes_[variable]).setOnes();
+    }
     for (const auto& [index, term] : terms_) {
       Eigen::Index row = 0;
       for (const std::uint32_t r : term.variables) {
@@ -98,7 +125,7 @@ class Problem {
     const Eigen::MatrixXd h = DenseMatrix(b);
     const Eigen::VectorXd x = h.llt().solve(b);
     for (std::uint32_t variable = 0; variable < sizes_.size(); ++variable) {
-      for (int i = 0; i < sizes_[variable]; ++i) {
+      for (int i = 0; i < sizes_[variable] && IsThere(variable); ++i) {
         EXPECT_NEAR(tree_.Value(variable)[i], x(offsets_[variable] + i), 1e-9 * (1.0 + x.norm()))
             << "variable " << variable;
       }
@@ -111,6 +138,9 @@ class Problem {
     for (int trial = 0; trial < 10; ++trial) {
       const auto row = static_cast<std::uint32_t>(random.NextBits() % sizes_.size());
       const auto column = static_cast<std::uint32_t>(random.NextBits() % sizes_.size());
+      if (!IsThere(row) || !IsThere(column)) {
+        continue;
+      }
       const Eigen::MatrixXd block = tree_.InverseBlock(row, column);
       const Eigen::MatrixXd expected =
           inverse.block(offsets_[row], offsets_[column], sizes_[row], sizes_[column]);
@@ -143,6 +173,7 @@ class Problem {
 
   EliminationTree tree_;
   std::vector<int> sizes_;
+  std::set<std::uint32_t> gone_;
   std::vector<Eigen::Index> offsets_;
   Eigen::Index size_ = 0;
   std::map<std::uint32_t, Term> terms_;
@@ -196,6 +227,39 @@ TEST(EliminationTreeTest, EqualsTheDenseSolutionWhileTermsComeChangeAndGo) {
       problem.ExpectDenseSolution();
     }
     problem.ExpectDenseInverse(random);
+  }
+}
+
+TEST(EliminationTreeTest, EqualsTheDenseSolutionWhileVariablesComeAndGo) {
+  for (std::uint64_t seed = 31; seed <= 50; ++seed) {
+    SCOPED_TRACE(seed);
+    RandomSequence random(seed);
+    Problem problem;
+    std::vector<std::uint32_t> there;
+    for (int round = 0; round < 60; ++round) {
+      for (std::uint64_t added = 1 + random.NextBits() % 7; added > 0; --added) {
+        const std::uint32_t variable =
+            problem.AddVariable(1 + static_cast<int>(random.NextBits() % 3));
+        problem.Anchor(variable);
+        for (std::uint64_t others = random.NextBits() % 3; others > 0 && !there.empty(); --others) {
+          problem.AddTerm({variable, there[random.NextBits() % there.size()]}, random);
+        }
+        there.push_back(variable);
+      }
+      // All of them, now and then.
+      std::uint64_t going = round % 20 == 19 ? there.size() : random.NextBits() % 6;
+      for (; going > 0 && !there.empty(); --going) {
+        const auto which =
+            there.begin() + static_cast<std::ptrdiff_t>(random.NextBits() % there.size());
+        problem.RemoveVariable(*which);
+        there.erase(which);
+      }
+      const std::vector<std::uint32_t> last(there.begin(), there.begin() + (there.empty() ? 0 : 1));
+      ASSERT_TRUE(problem.tree().Eliminate(last));
+      problem.ExpectDenseSolution();
+      problem.ExpectDenseInverse(random);
+    }
+    EXPECT_LE(problem.tree().variable_count(), 120U) << "about 240 have been";
   }
 }
 

@@ -241,6 +241,24 @@ TEST(MarginaliseTest, InformationOfZeroLeavesZeroAndTheComponentWhole) {
   }
 }
 
+TEST(MarginaliseTest, ASumOfConstraintsTakesTheSameStep) {
+  PoseGraph graph = Wheel(439, 4);
+  RandomSequence random(440);
+  graph.joint_constraints = {RandomJoint({4, 2, 3}, graph, 0.1, 0.1, random),
+                             RandomJoint({2, 3}, graph, 0.1, 0.1, random),
+                             RandomJoint({3, 4}, graph, 0.1, 0.1, random)};
+  const std::vector<Pose2> expected = AfterOneStep(graph);
+  const StatusOr<JointConstraint> sum = SumOf(graph, graph.joint_constraints);
+  ASSERT_THAT(sum, IsOk());
+  EXPECT_EQ(sum->nodes, (std::vector<std::uint32_t>{2, 3, 4}));
+  graph.joint_constraints = {*sum};
+  EXPECT_THAT(ValidateGraph(graph), IsOk());
+  const std::vector<Pose2> after = AfterOneStep(graph);
+  for (std::size_t node = 0; node < expected.size(); ++node) {
+    EXPECT_LT(Difference(expected[node], after[node]), 1e-9);
+  }
+}
+
 // H of some constraints, for the poses of all nodes but node 0.
 Eigen::MatrixXd InformationOf(const PoseGraph& graph, const NodeMarginal& marginal) {
   const auto size = 3 * static_cast<Eigen::Index>(graph.map_from_node.size());
@@ -438,7 +456,7 @@ TEST(MarginaliseTest, WhatCannotGoIsRefusedByNameAndTheGraphStays) {
       }
     }
   });
-  refuses(kPrecondition, "disagree about nodes", [](PoseGraph& g) {
+  refuses(kPrecondition, "disagree about", [](PoseGraph& g) {
     g.constraints.resize(2);
     // By four radians along the way from one neighbour to the other.
     for (GraphConstraint& constraint : g.constraints) {
