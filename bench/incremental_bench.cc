@@ -125,7 +125,7 @@ void Measure(const std::string& name, const PoseGraph& whole) {
 
 void RunAll() {
   for (const auto& [name, start] :
-       {std::pair<std::string, GraphStart>{"manhattanOlson3500", GraphStart::kGiven},
+       {std::pair<std::string, GraphStart>{"manhattanOlson3500", GraphStart::kOdometry},
         {"city10000", GraphStart::kTree}}) {
     const StatusOr<std::string> text = ReadDataset("graphs/" + name + ".g2o.gz");
     if (!text.ok()) {

@@ -51,6 +51,37 @@ TEST(SpaceGraphTest, ConvergesFromNoisyPosesAndFromTheTree) {
   EXPECT_NEAR(from_tree.chi2_after, summary.chi2_after, 1e-6 * summary.chi2_after);
 }
 
+Pose3 Turned(double about_z_rad) {
+  return {Eigen::Vector3d(1.0, 0.0, 0.0),
+          Eigen::Quaterniond(Cos(0.5 * about_z_rad), 0.0, 0.0, Sin(0.5 * about_z_rad))};
+}
+
+TEST(SpaceGraphTest, DuplicateConstraintsCountTwiceAndHalfTurnsConverge) {
+  SpaceGraph graph;
+  graph.map_from_node = {Pose3{}, Turned(3.0)};
+  graph.constraints = {{.to = 1, .from_from_to = Turned(kPi)},
+                       {.to = 1, .from_from_to = Turned(-kPi)},
+                       {.to = 1, .from_from_to = Turned(0.3 - kPi)}};
+  graph.constraints[2].information *= 2.0;
+  EXPECT_TRUE(OptimizeSparse(graph, SparseOptions{}).converged);
+  const Pose3 off = Inverse(Turned(kPi + 0.15)) * graph.map_from_node[1];
+  EXPECT_LT(off.rotation.vec().norm(), 1e-9);
+}
+
+TEST(SpaceGraphTest, TakesGraphsThatAreHardlyGraphs) {
+  SpaceGraph graph;
+  EXPECT_TRUE(OptimizeSparse(graph, SparseOptions{}).converged);
+  graph.map_from_node = {Turned(1.0), Turned(2.0)};  // each holds itself
+  graph.points_in_map = {{3.0, 4.0, 5.0}};           // and nobody has seen it
+  EXPECT_TRUE(OptimizeSparse(graph, SparseOptions{}).converged);
+  EXPECT_EQ(graph.points_in_map[0], Eigen::Vector3d(3.0, 4.0, 5.0));
+  graph.constraints.push_back({.to = 1});  // which says nothing
+  graph.constraints[0].information.setZero();
+  EXPECT_EQ(CountZeroInformation(graph), 1U);
+  EXPECT_EQ(OptimizeSparse(graph, SparseOptions{}).cost_after, 0.0);
+  EXPECT_TRUE(graph.map_from_node[1].translation.allFinite());
+}
+
 TEST(SpaceGraphTest, ReadsBackWhatItPrints) {
   G2oGraph graph;
   graph.space = RandomSpaceGraph(53, 20);

@@ -264,6 +264,41 @@ TEST_F(GraphCommandTest, SaysWhatDoesNotGoTogether) {
   expect_refused(space, {"--incremental"}, "--incremental: the file has VERTEX_SE3:QUAT");
 }
 
+TEST_F(GraphCommandTest, TakesGraphsThatAreHardlyGraphs) {
+  const std::string unit = " 1 0 0 1 0 1\n";
+  const std::vector<std::string> plane = {
+      "VERTEX_SE2 7 1 2 3\n",
+      "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nVERTEX_XY 2 5 5\n",
+      // Two components, one of them joined twice and by half turns.
+      "EDGE_SE2 0 1 1 0 0" + unit + "EDGE_SE2 5 6 1 0 3.141592653589793" + unit +
+          "EDGE_SE2 5 6 1 0 -3.141592653589793" + unit + "EDGE_SE2 6 5 1 0 3.1415926" + unit,
+      // A constraint that says nothing beside one that says all.
+      "EDGE_SE2 0 1 1 0 0" + unit + "EDGE_SE2 0 1 9 9 1 0 0 0 0 0 0\n"};
+  const std::vector<std::string> space = {"VERTEX_SE3:QUAT 7 1 2 3 0 0 0 1\n",
+                                          "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 0 "
+                                          "0 1 0 0 0\nVERTEX_TRACKXYZ 2 5 5 5\n"};
+  const auto expect_done = [&](const std::string& text, const std::vector<std::string>& options) {
+    const std::string in = Write("in.g2o", text);
+    std::vector<std::string> words = {"graph", "optimize", in, "--out", Path("out.g2o")};
+    words.insert(words.end(), options.begin(), options.end());
+    ASSERT_EQ(Run(words), ExitCode::kDone) << text << error_.str();
+    const StatusOr<G2oGraph> written = ParseG2o(Read("out.g2o"));
+    ASSERT_THAT(written, IsOk());
+    EXPECT_LT(Chi2(written->plane) + Chi2(written->space), 1e-6) << text;
+  };
+  for (const std::string method : {"auto", "gauss-newton", "levenberg-marquardt", "toro"}) {
+    for (const std::string& text : plane) {
+      expect_done(text, {"--method", method});
+    }
+    for (const std::string& text : space) {
+      expect_done(text, {"--method", method});
+    }
+  }
+  for (const std::string& text : plane) {
+    expect_done(text, {"--incremental"});
+  }
+}
+
 #ifdef LOCI_WITH_CERES
 TEST_F(GraphCommandTest, CeresFindsTheSameMinimum) {
   const std::string in = Write("in.g2o", kSquare);
