@@ -18,8 +18,9 @@ namespace loci {
 // Compounds the covariances of the constraints along one path, the most certain one: the paths from
 // one node to all others are a tree. What other paths and priors know too is left out, so that this
 // is conservative: never smaller than GraphCovariance::Relative at the same poses, and the same
-// where there is no other path. Joint constraints are no part of a path. For searching candidates
-// and for gates, where a bound does and a factorisation costs too much.
+// where there is no other path. (Without a kernel: that takes information away.) Joint constraints
+// are no part of a path. For searching candidates and for gates, where a bound does and a
+// factorisation costs too much.
 //
 // Paths lead over the constraints that Use names, and are as certain as they are short: a step
 // counts sigma_x^2 + sigma_y^2 + (sigma_theta * 10 m)^2. Constraints whose information cannot be
