@@ -14,8 +14,9 @@
 
 namespace loci {
 
-// Kernels are cheap and find the map if they start near it; kConsistent starts from nothing but the
-// constraints that are not robust, and is what to take where closures are many and some are wrong.
+// Kernels find the map if they start near it, and carry every false closure in their equations all
+// the way, which costs time; kConsistent starts from nothing but the constraints that are not
+// robust, and is what to take where closures are many and some are wrong.
 enum class RobustMethod : std::uint8_t {
   kNone,               // all are right
   kHuber,              // core/graph/robust_kernel.h
