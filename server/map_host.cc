@@ -181,7 +181,7 @@ MapStatus MapHost::CurrentStatus() const {
   status.events_replayed = parts.events_replayed;
   const ApplierCounts applied = parts.applier.Counts();
   status.events_waiting = applied.events_waiting;
-  status.last_closure_ms = applied.last_closure_ms;
+  status.closures = applied.closures;
   status.digests = applied.digests;
   const AppenderCounts appended = parts.appender.Counts();
   status.bytes_waiting = appended.bytes_waiting;

@@ -21,6 +21,15 @@ enum class MapState : std::uint8_t {
   kRefused,  // damaged, or its disk failed; `problem` says what and what to do
 };
 
+// The events that accepted loop closures since the map was opened.
+struct ClosureTimes {
+  std::uint64_t events = 0;
+  double last_ms = 0.0;  // wall time, from the event to the state after it
+  double max_ms = 0.0;
+  double total_ms = 0.0;
+  std::uint64_t last_places_moved = 0;  // by more than a millimetre or a milliradian
+};
+
 // One map, for lists and for metrics.
 struct MapStatus {
   std::string map;
@@ -35,8 +44,8 @@ struct MapStatus {
   std::uint64_t bytes_waiting = 0;         // of requests that are not yet durable
   std::uint64_t appends = 0;               // transactions of the log since the map was opened
   std::uint64_t append_failures = 0;
-  double last_closure_ms = 0.0;  // wall time of the event that last accepted a closure
-  std::uint64_t digests = 0;     // times that the whole state was hashed since the map was opened
+  ClosureTimes closures;
+  std::uint64_t digests = 0;  // times that the whole state was hashed since the map was opened
 };
 
 // One published revision and how it differs from the one published before it.

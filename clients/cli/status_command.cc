@@ -33,7 +33,9 @@ void PrintMaps(const v1::ServerStatus& status, std::ostream& out) {
     const v1::CellsWritten& cells = map.cells_written();
     out << "revision " << map.revision() << ", " << map.events_waiting() << " events waiting, "
         << map.closures() << " closures, last closure " << std::setprecision(1)
-        << map.last_closure_ms() << " ms, chi2 " << std::setprecision(3) << map.chi2() << '\n'
+        << map.last_closure_ms() << " ms (" << map.last_closure_places_moved()
+        << " places moved, longest " << map.max_closure_ms() << " ms), chi2 "
+        << std::setprecision(3) << map.chi2() << '\n'
         << "  cells written: integrate " << cells.integrate() << ", consolidate "
         << cells.consolidate() << ", remesh " << cells.remesh() << ", closure " << cells.closure()
         << '\n';

@@ -18,6 +18,10 @@ constexpr double kLargeCorrectionM = 1.0;  // test 5
 constexpr double kWitnessDistanceM = 3.0;  // test 5: "from another place at least 3 m away"
 constexpr std::uint64_t kStageClosure = 2;
 
+// Beyond these a place counts as moved, for those who watch.
+constexpr double kMovedM = 1e-3;
+constexpr double kMovedRad = 1e-3;
+
 // Closures may be wrong: beyond three sigma they pull less and less.
 RobustKernel ClosureKernel() {
   return {RobustKernel::Shape::kCauchy, 3.0};
@@ -155,11 +159,20 @@ std::uint64_t CellsWrittenSoFar(const Engine::State& state) {
   return state.cells_integrated + state.mesh->cells_consolidated() + state.mesh->cells_remeshed();
 }
 
-// All candidates of a place have been looked at: decides about what was found. Returns true if the
-// graph moved.
-bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
+// Places that are no longer where they were.
+std::uint32_t CountMoved(const std::vector<Pose2>& before, const std::vector<Pose2>& after) {
+  std::uint32_t count = 0;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const Pose2 step = Inverse(before[i]) * after[i];
+    count += step.translation().norm() > kMovedM || std::abs(step.theta) > kMovedRad ? 1U : 0U;
+  }
+  return count;
+}
+
+// All candidates of a place have been looked at: decides about what was found.
+void FinishBatch(ClosureBatch& batch, Engine::State& state, Effects& effects) {
   if (batch.found.empty()) {
-    return false;
+    return;
   }
   for (ClosureSnapshot& found : batch.found) {
     found.id = ClosureId{static_cast<std::uint32_t>(state.closures.size())};
@@ -168,6 +181,7 @@ bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
   state.closures_changed_by = state.last_event;
   state.closures_snapshot.reset();
   const std::uint64_t cells_before = CellsWrittenSoFar(state);
+  const std::vector<Pose2> poses_before = state.graph.map_from_node;
   bool moved = false;
   // What was provisional may be plain once others are in: until nothing more is accepted.
   while (AcceptProvisional(state)) {
@@ -179,9 +193,10 @@ bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
   }
   if (moved) {
     state.mesh->MovePlaces(state.graph.map_from_node);
+    effects.closure_accepted = true;
+    effects.places_moved += CountMoved(poses_before, state.graph.map_from_node);
   }
   state.cells_closed += CellsWrittenSoFar(state) - cells_before;
-  return moved;
 }
 
 void TryCandidate(PlaceId from, ClosureBatch& batch, Engine::State& state) {
@@ -264,9 +279,11 @@ void BeginClosureBatch(PlaceId place, Engine::State& state) {
   state.sessions[session.value].batches.push_back(std::move(batch));
 }
 
-bool WorkOnClosures(SessionId session, std::uint32_t units, Engine::State& state) {
+void WorkOnClosures(SessionId session,
+                    std::uint32_t units,
+                    Engine::State& state,
+                    Effects& effects) {
   std::vector<ClosureBatch>& batches = state.sessions[session.value].batches;
-  bool moved = false;
   while (!batches.empty() && units > 0) {
     ClosureBatch& batch = batches.front();
     if (batch.next < batch.candidates.size()) {
@@ -275,11 +292,10 @@ bool WorkOnClosures(SessionId session, std::uint32_t units, Engine::State& state
       --units;
     }
     if (batch.next == batch.candidates.size()) {
-      moved = FinishBatch(batch, state) || moved;
+      FinishBatch(batch, state, effects);
       batches.erase(batches.begin());
     }
   }
-  return moved;
 }
 
 }  // namespace loci

@@ -91,15 +91,6 @@ void AppendPose(const ObservationEvent& event, Engine::State& state, SessionStat
   }
 }
 
-// Returns true if the graph moved.
-bool DrainClosures(SessionId id, Engine::State& state) {
-  bool moved = false;
-  while (!state.sessions[id.value].batches.empty()) {
-    moved = WorkOnClosures(id, kNoLimit, state) || moved;
-  }
-  return moved;
-}
-
 }  // namespace
 
 std::uint64_t SeedOf(const MapSettings& settings,
@@ -175,7 +166,9 @@ struct EventApplier {
     session.open = false;
     FinishPlace(session.track.place, state);
     effects.place_finished = true;
-    effects.closure_accepted = DrainClosures(event.session, state);
+    while (!session.batches.empty()) {
+      WorkOnClosures(event.session, kNoLimit, state, effects);
+    }
     session.track.recent_keys.clear();
     session.track.likelihood = LikelihoodGrid();
     QueueConsolidation(state);
@@ -207,8 +200,8 @@ struct EventApplier {
   }
 
   void Work(SessionId session) {
-    if (WorkOnClosures(session, kClosureUnits, state)) {
-      effects.closure_accepted = true;
+    WorkOnClosures(session, kClosureUnits, state, effects);
+    if (effects.closure_accepted) {
       QueueConsolidation(state);
     }
     WorkOnMesh(kMeshUnits, state);

@@ -22,7 +22,8 @@ namespace loci {
 
 // What an event did, for those who watch. Not part of the state.
 struct Effects {
-  bool closure_accepted = false;  // the pose graph was optimised and everything moved
+  bool closure_accepted = false;   // the pose graph was optimised and everything moved
+  std::uint32_t places_moved = 0;  // by that, for more than a millimetre or a milliradian
   bool place_finished = false;
 };
 

@@ -96,8 +96,9 @@ GraphCovariance& CovarianceOfGraph(Engine::State& state);
 
 // core/engine/closing.cc: looks for closures of a place that was just finished.
 void BeginClosureBatch(PlaceId place, Engine::State& state);
-// Compares up to `units` candidates of the session's batches. Returns true if the graph moved.
-bool WorkOnClosures(SessionId session, std::uint32_t units, Engine::State& state);
+// Compares up to `units` candidates of the session's batches, and optimises the graph where that
+// gives closures; the effects say so.
+void WorkOnClosures(SessionId session, std::uint32_t units, Engine::State& state, Effects& effects);
 
 // core/engine/consolidating.cc: puts all finished places into the queue again.
 void QueueConsolidation(Engine::State& state);

@@ -78,7 +78,7 @@ void EliminationTree::Scatter(std::span<const std::uint32_t> variables,
 void EliminationTree::Assemble(const Front& front, bool complements_are_kept) {
   const auto size = static_cast<std::ptrdiff_t>(front.size);
   const std::ptrdiff_t stride = StrideOf(size);
-  double* const work = work_.Renew(static_cast<std::size_t>(stride * size));
+  double* const work = work_.Grow(static_cast<std::size_t>(stride * size), 0);
   for (std::ptrdiff_t j = 0; j < size; ++j) {
     const std::ptrdiff_t begin = std::max<std::ptrdiff_t>(0, (j & ~std::ptrdiff_t{3}) - 4);
     std::fill_n(work + j * stride + begin, stride - begin, 0.0);

@@ -5,15 +5,16 @@
 #include <algorithm>
 #include <cstddef>
 #include <memory>
+#include <utility>
 
 namespace loci {
 
 // Unlike a std::vector, does not set to zero what it makes room for. Not copied with its owner.
 class NumberBuffer {
  public:
-  // Room for at least `count` numbers. What was there is lost if that is more than before.
+  // Room for at least `count` numbers, and not for many times as many. What was there may be lost.
   double* Renew(std::size_t count) {
-    if (count > capacity_) {
+    if (count > capacity_ || 2 * count + kSpare < capacity_) {
       Allocate(count);
     }
     return numbers_.get();
@@ -31,6 +32,8 @@ class NumberBuffer {
   const double* data() const { return numbers_.get(); }
 
  private:
+  static constexpr std::size_t kSpare = 64;
+
   void Allocate(std::size_t count) {
     numbers_ = std::make_unique_for_overwrite<double[]>(count);
     capacity_ = count;

@@ -78,7 +78,9 @@ void Fill(const MapStatus& status, v1::ServerStatus::Map& message) {
   message.set_map(status.map);
   message.set_problem(ProblemOf(status));
   message.set_events_waiting(status.events_waiting);
-  message.set_last_closure_ms(status.last_closure_ms);
+  message.set_last_closure_ms(status.closures.last_ms);
+  message.set_max_closure_ms(status.closures.max_ms);
+  message.set_last_closure_places_moved(status.closures.last_places_moved);
   message.set_last_checkpoint(status.last_checkpoint);
   message.set_recovered_from(status.recovered_from);
   message.set_events_replayed(status.events_replayed);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/host/applier.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace loci {
@@ -79,8 +80,7 @@ void Applier::RequestStop() {
 
 ApplierCounts Applier::Counts() const {
   const MutexLock lock(mutex_);
-  return {
-      .events_waiting = events_waiting_, .last_closure_ms = last_closure_ms_, .digests = digests_};
+  return {.events_waiting = events_waiting_, .closures = closures_, .digests = digests_};
 }
 
 const std::string& Applier::StateDigest() {
@@ -133,7 +133,11 @@ void Applier::ApplyEvent(const DurableEvent& durable) {
   --events_waiting_;
   bytes_waiting_ -= durable.size_bytes;
   if (effects.closure_accepted) {
-    last_closure_ms_ = wall_time.count();
+    ++closures_.events;
+    closures_.last_ms = wall_time.count();
+    closures_.max_ms = std::max(closures_.max_ms, wall_time.count());
+    closures_.total_ms += wall_time.count();
+    closures_.last_places_moved = effects.places_moved;
   }
   room_.NotifyAll();
 }

@@ -17,6 +17,7 @@
 #include "server/config.h"
 #include "server/host/checkpointer.h"
 #include "server/host/publisher.h"
+#include "server/snapshot_source.h"
 
 namespace loci {
 
@@ -30,8 +31,8 @@ struct DurableEvent {
 // For metrics.
 struct ApplierCounts {
   std::uint64_t events_waiting = 0;
-  double last_closure_ms = 0.0;  // wall time of the event that last accepted a closure
-  std::uint64_t digests = 0;     // times that the whole state was hashed
+  ClosureTimes closures;
+  std::uint64_t digests = 0;  // times that the whole state was hashed
 };
 
 // Owns the map's engine. All work happens on the thread that calls Run; the rest is thread-safe.
@@ -97,7 +98,7 @@ class Applier {
   std::deque<Work> queue_ LOCI_GUARDED_BY(mutex_);
   std::size_t events_waiting_ LOCI_GUARDED_BY(mutex_) = 0;
   std::size_t bytes_waiting_ LOCI_GUARDED_BY(mutex_) = 0;
-  double last_closure_ms_ LOCI_GUARDED_BY(mutex_) = 0.0;
+  ClosureTimes closures_ LOCI_GUARDED_BY(mutex_);
   std::uint64_t digests_ LOCI_GUARDED_BY(mutex_) = 0;
   bool stopping_ LOCI_GUARDED_BY(mutex_) = false;
   bool ended_ LOCI_GUARDED_BY(mutex_) = false;  // Run will look at the queue no more

@@ -94,7 +94,23 @@ void CollectMapMetrics(const SnapshotSource& maps, MetricsText& text) {
     text.AddGauge("loci_map_last_closure_seconds",
                   "Time of the event that last closed a loop.",
                   map,
-                  status.last_closure_ms / 1000.0);
+                  status.closures.last_ms / 1000.0);
+    text.AddGauge("loci_map_closure_seconds_max",
+                  "Longest time of such an event since the map was opened.",
+                  map,
+                  status.closures.max_ms / 1000.0);
+    text.AddCounter("loci_map_closure_seconds_total",
+                    "Time of all such events since the map was opened.",
+                    map,
+                    status.closures.total_ms / 1000.0);
+    text.AddCounter("loci_map_closure_events_total",
+                    "Events that closed loops since the map was opened.",
+                    map,
+                    AsNumber(status.closures.events));
+    text.AddGauge("loci_map_last_closure_places_moved",
+                  "Places that the event that last closed a loop moved by more than a millimetre.",
+                  map,
+                  AsNumber(status.closures.last_places_moved));
     if (status.newest) {
       CollectSnapshot(*status.newest, map, text);
     }

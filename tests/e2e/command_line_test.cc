@@ -125,7 +125,12 @@ TEST_F(CommandLineTest, JsonHasTheFieldsThatScriptsReadAlsoOfAnEmptyMap) {
     ASSERT_EQ(status["maps"].size(), 1U);
     const nlohmann::json& entry = status["maps"][0];
     EXPECT_EQ(entry["map"], map);
-    for (const char* field : {"revision", "closures", "last_closure_ms", "chi2"}) {
+    for (const char* field : {"revision",
+                              "closures",
+                              "last_closure_ms",
+                              "max_closure_ms",
+                              "last_closure_places_moved",
+                              "chi2"}) {
       EXPECT_TRUE(entry[field].is_number()) << field;
     }
     for (const char* field : {"integrate", "consolidate", "remesh", "closure"}) {

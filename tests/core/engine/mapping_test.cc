@@ -112,6 +112,28 @@ TEST(MappingTest, AClosureWritesNoCellAndTheMapFollowsItsVertices) {
   EXPECT_GT(furthest_m, 0.01);
 }
 
+TEST(MappingTest, AClosureSaysHowManyPlacesItMoved) {
+  const SimulatedMap loop = DriveAroundTheBlock(4);
+  Engine engine;
+  std::shared_ptr<const Snapshot> before = engine.TakeSnapshot();
+  std::uint32_t most_moved = 0;
+  for (const Event& event : loop.events) {
+    const Effects effects = engine.Apply(event);
+    const std::shared_ptr<const Snapshot> after = engine.TakeSnapshot();
+    std::uint32_t moved = 0;
+    for (std::size_t i = 0; i < before->places.size(); ++i) {
+      const Pose2 step =
+          Inverse(before->places[i].map_from_place) * after->places[i].map_from_place;
+      moved += step.translation().norm() > 1e-3 || std::abs(step.theta) > 1e-3 ? 1U : 0U;
+    }
+    EXPECT_EQ(effects.places_moved, moved);
+    EXPECT_TRUE(effects.closure_accepted || moved == 0);
+    most_moved = std::max(most_moved, moved);
+    before = after;
+  }
+  EXPECT_GT(most_moved, 3U);
+}
+
 TEST(MappingTest, ClosingASessionDrainsAllWork) {
   const SimulatedMap loop = DriveAroundTheBlock(5);
   Engine engine = EngineOf(loop.events);
