@@ -16,12 +16,12 @@ namespace loci {
 
 struct IncrementalOptions {
   // A node or point is linearised again once it is further than this from where it was.
-  double relinearise_m = 0.1;
+  double relinearise_m = 0.05;
   double relinearise_rad = 0.05;
   // Steps of Gauss-Newton in one Update, at most; what they leave is for the next one.
   int iterations_max = 3;
   // A step is passed on to a node only if it moves what the node is tied to by more than this.
-  double step_min = 1e-3;
+  double step_min = 5e-4;
   RobustKernel kernel;  // for constraints marked robust
   // A node is not marginalised while fewer constraints than this have come after one of its own:
   // until then that one may be taken back. A closure is judged by those that follow it.
