@@ -6,8 +6,6 @@
 // A robot wanders through Manhattan worlds of 10^3, 10^4 and 10^5 poses; the streets' area is in
 // proportion, so that places are seen as often. Every pose is brought to the optimum as it comes;
 // processor time of one thread of those poses that close a loop. --svg plots it.
-#include <malloc.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -17,6 +15,8 @@
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include <malloc.h>
 
 #include "bench/interleaved.h"
 #include "core/base/random.h"
