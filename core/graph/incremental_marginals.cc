@@ -89,8 +89,15 @@ void IncrementalOptimizer::AddJoint(JointConstraint joint) {
     index = free_joints_.back();
     free_joints_.pop_back();
   }
-  for (const std::uint32_t node : joint.nodes) {
-    nodes_[node].joints.push_back(index);
+  for (std::size_t i = 0; i < joint.nodes.size(); ++i) {
+    nodes_[joint.nodes[i]].joints.push_back(index);
+    if (i > 0) {
+      const auto at = 3 * static_cast<Eigen::Index>(i - 1);
+      const double information_per_m2 = joint.information.block<2, 2>(at, at).trace();
+      const Eigen::Vector2d reach = joint.first_from_node[i - 1].translation();
+      Stiffen(joint.nodes[i], information_per_m2, reach);
+      Stiffen(joint.nodes[0], information_per_m2, reach);
+    }
   }
   graph_.joint_constraints[index] = std::move(joint);
   MakeJointTerm(index);

@@ -57,8 +57,12 @@ std::uint32_t IncrementalOptimizer::AddConstraint(const GraphConstraint& constra
   graph_.constraints.push_back(constraint);
   states_.push_back(ConstraintState::kThere);
   terms_.push_back(kNone);
-  nodes_[constraint.from].constraints.push_back(index);
-  nodes_[constraint.to].constraints.push_back(index);
+  for (const std::uint32_t node : {constraint.from, constraint.to}) {
+    nodes_[node].constraints.push_back(index);
+    Stiffen(node,
+            constraint.information.topLeftCorner<2, 2>().trace(),
+            constraint.from_from_to.translation());
+  }
   MakeTerm(index);
   recent_ = updated_ ? std::vector<std::uint32_t>() : std::move(recent_);
   updated_ = false;
@@ -82,6 +86,7 @@ std::uint32_t IncrementalOptimizer::AddConstraint(const PointConstraint& constra
   graph_.point_constraints.push_back(constraint);
   point.point_constraints.push_back(index);
   nodes_[constraint.from].point_constraints.push_back(index);
+  Stiffen(constraint.from, constraint.information.trace(), constraint.point_in_from);
   point_terms_.push_back(kNone);
   point_removed_.push_back(false);
   MakePointTerm(index);
@@ -344,11 +349,28 @@ void IncrementalOptimizer::Settle(std::uint32_t variable) {
   tree_.ResetValue(variable);
 }
 
+void IncrementalOptimizer::Stiffen(std::uint32_t node,
+                                   double information_per_m2,
+                                   const Eigen::Vector2d& reach) {
+  nodes_[node].stiffness = std::max(nodes_[node].stiffness, std::sqrt(information_per_m2));
+  nodes_[node].reach_m = std::max(nodes_[node].reach_m, reach.norm());
+}
+
 bool IncrementalOptimizer::HasMoved(std::uint32_t variable) const {
   const double* value = tree_.Value(variable);
-  return std::abs(value[0]) > options_.relinearise_m ||
-         std::abs(value[1]) > options_.relinearise_m ||
-         (!owners_[variable].is_point && std::abs(value[2]) > options_.relinearise_rad);
+  if (std::abs(value[0]) > options_.relinearise_m || std::abs(value[1]) > options_.relinearise_m) {
+    return true;
+  }
+  if (owners_[variable].is_point) {
+    return false;
+  }
+  // A turn bends what is a straight line to the linearisation: that of a constraint's end, by half
+  // its square, and that of the node's own shift.
+  const Node& node = nodes_[owners_[variable].index];
+  const double turn = std::abs(value[2]);
+  const double neglected_m = turn * (0.5 * turn * node.reach_m + std::hypot(value[0], value[1]));
+  return turn > options_.relinearise_rad ||
+         neglected_m * node.stiffness > options_.relinearise_sigma;
 }
 
 void IncrementalOptimizer::Relinearise(std::vector<std::uint32_t>& variables) {

@@ -15,9 +15,12 @@
 namespace loci {
 
 struct IncrementalOptions {
-  // A node or point is linearised again once it is further than this from where it was.
-  double relinearise_m = 0.05;
-  double relinearise_rad = 0.05;
+  // A node is linearised again once what its linearisation neglects of a constraint may be more
+  // than this many sigma of it,
+  double relinearise_sigma = 0.01;
+  // and a node or point once it is further than this from where it was.
+  double relinearise_m = 0.2;
+  double relinearise_rad = 0.1;
   // Steps of Gauss-Newton in one Update, at most; what they leave is for the next one.
   int iterations_max = 3;
   // A step is passed on to a node only if it moves what the node is tied to by more than this.
@@ -98,6 +101,10 @@ class IncrementalOptimizer {
     std::uint32_t variable = kNone;  // kNone: held
     bool held = true;
     bool marginalised = false;
+    // Over the constraints that it has had: the greatest information about a position, as a root
+    // (1 / m), and the furthest that one reaches.
+    double stiffness = 0.0;
+    double reach_m = 0.0;
     std::vector<std::uint32_t> constraints;
     std::vector<std::uint32_t> point_constraints;
     std::vector<std::uint32_t> joints;
@@ -149,6 +156,7 @@ class IncrementalOptimizer {
                                         const std::vector<std::uint32_t>& neighbours) const;
   void Settle(std::uint32_t variable);
   bool HasMoved(std::uint32_t variable) const;
+  void Stiffen(std::uint32_t node, double information_per_m2, const Eigen::Vector2d& reach);
   void Relinearise(std::vector<std::uint32_t>& variables);
 
   IncrementalOptions options_;

@@ -19,6 +19,7 @@ namespace {
 // As exact as a batch.
 IncrementalOptions ExactOptions() {
   IncrementalOptions options;
+  options.relinearise_sigma = 1e-9;
   options.relinearise_m = 1e-9;
   options.relinearise_rad = 1e-9;
   options.iterations_max = 100;
