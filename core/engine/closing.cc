@@ -169,10 +169,11 @@ std::uint32_t CountMoved(const std::vector<Pose2>& before, const std::vector<Pos
   return count;
 }
 
-// All candidates of a place have been looked at: decides about what was found.
-void FinishBatch(ClosureBatch& batch, Engine::State& state, Effects& effects) {
+// All candidates of a place have been looked at: decides about what was found. Returns true if the
+// graph moved.
+bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
   if (batch.found.empty()) {
-    return;
+    return false;
   }
   for (ClosureSnapshot& found : batch.found) {
     found.id = ClosureId{static_cast<std::uint32_t>(state.closures.size())};
@@ -181,7 +182,6 @@ void FinishBatch(ClosureBatch& batch, Engine::State& state, Effects& effects) {
   state.closures_changed_by = state.last_event;
   state.closures_snapshot.reset();
   const std::uint64_t cells_before = CellsWrittenSoFar(state);
-  const std::vector<Pose2> poses_before = state.graph.map_from_node;
   bool moved = false;
   // What was provisional may be plain once others are in: until nothing more is accepted.
   while (AcceptProvisional(state)) {
@@ -193,10 +193,9 @@ void FinishBatch(ClosureBatch& batch, Engine::State& state, Effects& effects) {
   }
   if (moved) {
     state.mesh->MovePlaces(state.graph.map_from_node);
-    effects.closure_accepted = true;
-    effects.places_moved += CountMoved(poses_before, state.graph.map_from_node);
   }
   state.cells_closed += CellsWrittenSoFar(state) - cells_before;
+  return moved;
 }
 
 void TryCandidate(PlaceId from, ClosureBatch& batch, Engine::State& state) {
@@ -284,6 +283,10 @@ void WorkOnClosures(SessionId session,
                     Engine::State& state,
                     Effects& effects) {
   std::vector<ClosureBatch>& batches = state.sessions[session.value].batches;
+  if (batches.empty()) {
+    return;
+  }
+  const std::vector<Pose2> poses_before = state.graph.map_from_node;
   while (!batches.empty() && units > 0) {
     ClosureBatch& batch = batches.front();
     if (batch.next < batch.candidates.size()) {
@@ -292,10 +295,11 @@ void WorkOnClosures(SessionId session,
       --units;
     }
     if (batch.next == batch.candidates.size()) {
-      FinishBatch(batch, state, effects);
+      effects.closure_accepted = FinishBatch(batch, state) || effects.closure_accepted;
       batches.erase(batches.begin());
     }
   }
+  effects.places_moved = CountMoved(poses_before, state.graph.map_from_node);
 }
 
 }  // namespace loci

@@ -166,9 +166,7 @@ struct EventApplier {
     session.open = false;
     FinishPlace(session.track.place, state);
     effects.place_finished = true;
-    while (!session.batches.empty()) {
-      WorkOnClosures(event.session, kNoLimit, state, effects);
-    }
+    WorkOnClosures(event.session, kNoLimit, state, effects);
     session.track.recent_keys.clear();
     session.track.likelihood = LikelihoodGrid();
     QueueConsolidation(state);

@@ -97,7 +97,7 @@ GraphCovariance& CovarianceOfGraph(Engine::State& state);
 // core/engine/closing.cc: looks for closures of a place that was just finished.
 void BeginClosureBatch(PlaceId place, Engine::State& state);
 // Compares up to `units` candidates of the session's batches, and optimises the graph where that
-// gives closures; the effects say so.
+// gives closures; the effects say so. Once in an event.
 void WorkOnClosures(SessionId session, std::uint32_t units, Engine::State& state, Effects& effects);
 
 // core/engine/consolidating.cc: puts all finished places into the queue again.

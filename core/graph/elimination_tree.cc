@@ -46,7 +46,9 @@ EliminationTree EliminationTree::Resized(int size) const {
   tree.terms_ = terms_;
   tree.term_variables_ = term_variables_;
   tree.uses_ = uses_;
-  tree.free_terms_ = free_terms_;
+  for (const auto& [kind, free] : free_terms_) {
+    tree.free_terms_[{kind.first, kind.first * width}] = free;
+  }
   tree.free_variables_ = free_variables_;
   std::uint32_t values = 0;
   for (Term& term : tree.terms_) {
@@ -65,6 +67,13 @@ EliminationTree EliminationTree::Resized(int size) const {
     front.children = fronts_[i].children;
     front.sequence = fronts_[i].sequence;
   }
+  for (const std::uint32_t free : free_fronts_) {
+    tree.fronts_[free].size = 0;
+  }
+  for (const Front& front : tree.fronts_) {
+    tree.flops_ += FlopsOf(front);
+  }
+  tree.flops_in_one_order_ = tree.flops_;
   tree.free_fronts_ = free_fronts_;
   tree.sequence_ = sequence_;
   tree.is_in_one_order_ = is_in_one_order_;
@@ -110,14 +119,11 @@ std::uint32_t EliminationTree::AddTerm(std::span<const std::uint32_t> variables)
     size += static_cast<std::uint32_t>(variables_[variable].size);
   }
   std::uint32_t index = kNone;
-  for (std::size_t i = free_terms_.size(); i-- > 0 && index == kNone;) {
-    const Term& free = terms_[free_terms_[i]];
-    if (free.count == variables.size() && free.size == size) {
-      index = free_terms_[i];
-      free_terms_.erase(free_terms_.begin() + static_cast<std::ptrdiff_t>(i));
-    }
-  }
-  if (index == kNone) {
+  std::vector<std::uint32_t>& free = free_terms_[{variables.size(), size}];
+  if (!free.empty()) {
+    index = free.back();
+    free.pop_back();
+  } else {
     index = static_cast<std::uint32_t>(terms_.size());
     Term term;
     term.begin = static_cast<std::uint32_t>(term_variables_.size());
@@ -172,7 +178,7 @@ void EliminationTree::RemoveTerm(std::uint32_t index) {
     Touch(variable);
   }
   structure_changed_ = true;
-  free_terms_.push_back(index);
+  free_terms_[{terms_[index].count, terms_[index].size}].push_back(index);
 }
 
 void EliminationTree::Touch(std::uint32_t variable) {
@@ -249,7 +255,7 @@ void EliminationTree::FindAffectedAndReorder(std::span<const std::uint32_t> last
   FindAffected();
   if (structure_changed_) {
     Reorder(last);
-    flops_in_one_order_ = is_bloated ? flops_ : flops_in_one_order_;
+    flops_in_one_order_ = is_in_one_order_ ? flops_ : std::min(flops_in_one_order_, flops_);
   }
   for (const std::uint32_t variable : touched_) {
     variables_[variable].touched = false;
@@ -310,8 +316,11 @@ void EliminationTree::Reorder(std::span<const std::uint32_t> last) {
   const VariableGraph graph = GraphOfOpen(open, orphans);
   std::vector<std::uint32_t> last_open;
   for (const std::uint32_t variable : last) {
-    if (variables_[variable].front == kNone) {
-      last_open.push_back(variables_[variable].row);
+    const Variable& v = variables_[variable];
+    LOCI_CHECK(!v.gone);
+    if (v.front == kNone &&
+        std::find(last_open.begin(), last_open.end(), v.row) == last_open.end()) {
+      last_open.push_back(v.row);
     }
   }
   const SymbolicTree tree = AnalyseElimination(graph, EliminationOrder(graph, last_open));
@@ -450,14 +459,12 @@ void EliminationTree::RemoveAffected() {
   for (const std::uint32_t index : affected_) {
     Front& front = fronts_[index];
     front.affected = false;
-    if (front.fresh) {
-      front.fresh = false;
-      std::erase(fresh_, index);
-    }
+    front.fresh = false;
     flops_ -= FlopsOf(front);
     free_fronts_.push_back(index);
   }
   affected_.clear();
+  std::erase_if(fresh_, [this](std::uint32_t front) { return !fronts_[front].fresh; });
 }
 
 }  // namespace loci

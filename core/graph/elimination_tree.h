@@ -4,7 +4,9 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -141,7 +143,7 @@ class EliminationTree {
                const double* values,
                std::ptrdiff_t stride,
                std::ptrdiff_t size);
-  bool SolveFront(Front& front, double change_min);
+  void SolveFront(Front& front, double change_min);
   std::vector<std::uint32_t> PathOf(std::uint32_t variable) const;
 
   std::vector<Variable> variables_;
@@ -149,7 +151,8 @@ class EliminationTree {
   std::vector<std::uint32_t> term_variables_;
   std::vector<Use> uses_;
   std::vector<double> term_values_;
-  std::vector<std::uint32_t> free_terms_;
+  // By how many variables they are over, and of how many numbers.
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<std::uint32_t>> free_terms_;
   std::vector<std::uint32_t> going_variables_;  // until their fronts have gone
   std::vector<std::uint32_t> free_variables_;
   std::vector<Front> fronts_;

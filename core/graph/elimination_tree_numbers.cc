@@ -141,8 +141,8 @@ bool EliminationTree::EliminateFront(Front& front, bool keep_complement) {
   return true;
 }
 
-bool EliminationTree::SolveFront(Front& front, double change_min) {
-  x_.resize(front.size + 4);
+void EliminationTree::SolveFront(Front& front, double change_min) {
+  x_.resize(front.size);
   std::size_t row = front.columns;
   for (std::size_t i = front.eliminated; i < front.variables.size(); ++i) {
     const Variable& variable = variables_[front.variables[i]];
@@ -151,7 +151,6 @@ bool EliminationTree::SolveFront(Front& front, double change_min) {
   }
   SolveColumns(front.values.data(), front.size, front.columns, x_.data());
   row = 0;
-  bool any = false;
   for (std::uint32_t i = 0; i < front.eliminated; ++i) {
     const Variable& variable = variables_[front.variables[i]];
     double change = 0.0;
@@ -163,10 +162,8 @@ bool EliminationTree::SolveFront(Front& front, double change_min) {
     if (change > change_min) {
       std::copy_n(&value_[variable.offset], variable.size, &spread_[variable.offset]);
       moved_[front.variables[i]] = round_;
-      any = true;
     }
   }
-  return any;
 }
 
 void EliminationTree::Solve(double change_min, std::vector<std::uint32_t>& solved) {

@@ -14,6 +14,7 @@
 #include "core/graph/prefix_start.h"
 #include "core/graph/space_toro.h"
 #include "core/graph/spanning_tree.h"
+#include "core/graph/sweep_limit.h"
 #include "core/graph/toro_optimizer.h"
 #include "core/graph/toro_tree.h"
 
@@ -38,6 +39,9 @@ constexpr std::size_t kStartsInSpace = 6;
 template <typename Toro, typename Graph>
 void PlaceBySweeps(Graph& graph) {
   PlaceByTree(BreadthFirstTree(graph), graph);
+  if (!IsSweepable(graph)) {
+    return;
+  }
   Toro toro(graph);
   for (int i = 0; i < kSweeps; ++i) {
     toro.Sweep();

@@ -17,7 +17,7 @@ enum class GraphStart : std::uint8_t {
   kTree,             // composed along the breadth-first tree: drifts by the depth of the tree only
   kUncertaintyTree,  // composed along the paths of minimum uncertainty (spanning_tree.h)
   kChordal,          // all constraints at once, relaxed to linear problems (chordal_start.h)
-  kSwept,            // the breadth-first tree's, after sweeps of gradient descent
+  kSwept,            // the breadth-first tree's, after sweeps of gradient descent (sweep_limit.h)
   kPrefixes,         // node by node, as if the graph had just been recorded (prefix_start.h)
 };
 

@@ -15,6 +15,13 @@
 namespace loci {
 namespace {
 
+// Nodes of the last constraints that are eliminated last, since the next ones will concern them.
+constexpr std::size_t kRecentMax = 32;
+
+}  // namespace
+
+namespace {
+
 std::string NameOf(std::uint32_t node) {
   return "node " + std::to_string(node);
 }
@@ -67,7 +74,7 @@ std::uint32_t IncrementalOptimizer::AddConstraint(const GraphConstraint& constra
   recent_ = updated_ ? std::vector<std::uint32_t>() : std::move(recent_);
   updated_ = false;
   for (const std::uint32_t node : {constraint.from, constraint.to}) {
-    if (!nodes_[node].held &&
+    if (!nodes_[node].held && recent_.size() < kRecentMax &&
         std::find(recent_.begin(), recent_.end(), nodes_[node].variable) == recent_.end()) {
       recent_.push_back(nodes_[node].variable);
     }
@@ -425,7 +432,8 @@ UpdateSummary IncrementalOptimizer::Update() {
   updated_ = true;
   std::vector<std::uint32_t> moved;
   while (summary.iterations < options_.iterations_max) {
-    if (!tree_.Eliminate(recent_)) {
+    // Many are a graph that is loaded, whose order should be that of a batch.
+    if (!tree_.Eliminate(recent_.size() < kRecentMax ? recent_ : std::vector<std::uint32_t>())) {
       summary.determined = false;
       return summary;
     }

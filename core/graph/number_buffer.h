@@ -9,9 +9,18 @@
 
 namespace loci {
 
-// Unlike a std::vector, does not set to zero what it makes room for. Not copied with its owner.
+// Unlike a std::vector, does not set to zero what it makes room for. Moved, not copied.
 class NumberBuffer {
  public:
+  NumberBuffer() = default;
+  NumberBuffer(NumberBuffer&& other) noexcept
+      : numbers_(std::move(other.numbers_)), capacity_(std::exchange(other.capacity_, 0)) {}
+  NumberBuffer& operator=(NumberBuffer&& other) noexcept {
+    numbers_ = std::move(other.numbers_);
+    capacity_ = std::exchange(other.capacity_, 0);
+    return *this;
+  }
+
   // Room for at least `count` numbers, and not for many times as many. What was there may be lost.
   double* Renew(std::size_t count) {
     if (count > capacity_ || 2 * count + kSpare < capacity_) {
@@ -19,7 +28,7 @@ class NumberBuffer {
     }
     return numbers_.get();
   }
-  // The same, but the first `kept` numbers stay.
+  // The same, but the first `kept` numbers stay, and room that there is.
   double* Grow(std::size_t count, std::size_t kept) {
     if (count > capacity_) {
       const std::unique_ptr<double[]> before = std::move(numbers_);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/graph/plane_problem.h"
+#include "core/graph/sweep_limit.h"
 #include "core/graph/toro_optimizer.h"
 #include "core/graph/toro_tree.h"
 
@@ -14,7 +15,7 @@ StatusOr<OptimizationSummary> OptimizeGraph(PoseGraph& graph, const OptimizeOpti
   LOCI_RETURN_IF_ERROR(ValidateGraph(graph));
   const double chi2_before = Chi2(graph);
   const double cost_before = PlaneProblem(graph, options.sparse.kernel).Cost();
-  if (options.toro_sweeps > 0) {
+  if (options.toro_sweeps > 0 && IsSweepable(graph)) {
     ToroOptimizer toro(graph);
     for (int i = 0; i < options.toro_sweeps; ++i) {
       toro.Sweep();

@@ -10,8 +10,9 @@
 namespace loci {
 
 struct OptimizeOptions {
-  // Sweeps of gradient descent before Gauss-Newton; 0 turns them off. Their result is used only
-  // where its cost is below that of the poses given.
+  // Sweeps of gradient descent before Gauss-Newton; 0 turns them off, as graphs do that are not
+  // sweepable (sweep_limit.h). Their result is used only where its cost is below that of the poses
+  // given.
   int toro_sweeps = 10;
   SparseOptions sparse;
 };

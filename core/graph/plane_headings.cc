@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Headings that agree, as a linear problem with one number per node.
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "core/graph/plane_problem.h"
 
@@ -9,6 +11,14 @@ namespace loci {
 namespace {
 
 using Vector1 = Eigen::Matrix<double, 1, 1>;
+
+// The information about the turn alone, as the kernel has it.
+template <typename Constraint>
+double WeightOfTurn(const Constraint& constraint, double error_rad, const RobustKernel& kernel) {
+  const double information = constraint.information(2, 2);
+  return constraint.robust ? kernel.Weight(information * error_rad * error_rad) * information
+                           : information;
+}
 
 }  // namespace
 
@@ -25,10 +35,7 @@ void PlaneProblem::LineariseHeadings(NormalEquations& headings) const {
                                     measurements_[i].theta);
     linearised.jacobian_a(0) = -1.0;
     linearised.jacobian_b(0) = 1.0;
-    Vector1 weight(constraint.information(2, 2));
-    if (constraint.robust) {
-      weight *= kernel_.Weight(weight(0) * linearised.error(0) * linearised.error(0));
-    }
+    const Vector1 weight(WeightOfTurn(constraint, linearised.error(0), kernel_));
     AddPair(linearised, weight, a, b, pair, headings);
     pair += a != kHeldBlock && b != kHeldBlock ? 1 : 0;
   }
@@ -36,7 +43,7 @@ void PlaneProblem::LineariseHeadings(NormalEquations& headings) const {
     const Vector1 error(WrapAngle(nodes_[prior.node].theta - prior.map_from_node.theta));
     AddSingle<1, 1>(error,
                     Vector1(1.0),
-                    Vector1(prior.information(2, 2)),
+                    Vector1(WeightOfTurn(prior, error(0), kernel_)),
                     block_of_node_[prior.node],
                     headings);
   }
@@ -45,9 +52,33 @@ void PlaneProblem::LineariseHeadings(NormalEquations& headings) const {
   }
 }
 
+// Positions in the map tie a component's heading, too, but not in equations that have none.
+bool PlaneProblem::HeadingsAreTied() const {
+  const GraphComponents components = FindComponents(*graph_);
+  std::vector<bool> tied(components.count);
+  for (std::size_t i = 0; i < block_of_node_.size(); ++i) {
+    if (block_of_node_[i] == kHeldBlock) {
+      tied[components.of_node[i]] = true;
+    }
+  }
+  for (const PosePrior& prior : graph_->pose_priors) {
+    if (prior.information(2, 2) > 0.0) {
+      tied[components.of_node[prior.node]] = true;
+    }
+  }
+  for (const GaugeTie<3>& tie : gauge_ties_) {
+    if (tie.information(2, 2) > 0.0) {
+      tied[components.of_node[tie.node]] = true;
+    }
+  }
+  return std::all_of(components.of_node.begin(),
+                     components.of_node.end(),
+                     [&](std::uint32_t component) { return tied[component]; });
+}
+
 bool PlaneProblem::TurnToAgree(NormalEquations& equations) {
   if (!graph_->point_constraints.empty() || !graph_->joint_constraints.empty() ||
-      equations.size() == 0) {
+      equations.size() == 0 || !HeadingsAreTied()) {
     return false;
   }
   NormalEquations headings = equations.Resized(1);

@@ -73,6 +73,7 @@ class PlaneProblem final : public LeastSquaresProblem {
 
  private:
   void LinearisePriors(NormalEquations& equations) const;
+  bool HeadingsAreTied() const;
   void LineariseHeadings(NormalEquations& headings) const;
   void LineariseJoints(NormalEquations& equations) const;
   double Rho(double chi2, bool robust) const { return robust ? kernel_.Rho(chi2) : chi2; }

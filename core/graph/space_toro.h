@@ -45,7 +45,7 @@ namespace loci {
 // constraints and priors take no part.
 class SpaceToroOptimizer {
  public:
-  // Starts at the graph's poses. The graph must be valid.
+  // Starts at the graph's poses. The graph must be valid and sweepable (sweep_limit.h).
   explicit SpaceToroOptimizer(const SpaceGraph& graph);
 
   void Sweep();

@@ -24,6 +24,7 @@ namespace {
 
 LeastSquaresSummary Minimise(PlaneProblem& problem, const SparseOptions& options) {
   NormalEquations equations(problem.BlockSizes(), problem.Pairs(), problem.Groups());
+  int iterations_taken_back = 0;
   if (options.turn_first) {
     const PlaneProblem::State start = problem.Save();
     const double cost_before = problem.Cost();
@@ -34,9 +35,12 @@ LeastSquaresSummary Minimise(PlaneProblem& problem, const SparseOptions& options
         return summary;
       }
       problem.Restore(start);
+      iterations_taken_back = summary.iterations;
     }
   }
-  return Minimise(problem, equations, LeastSquaresOptionsFrom(options));
+  LeastSquaresSummary summary = Minimise(problem, equations, LeastSquaresOptionsFrom(options));
+  summary.iterations += iterations_taken_back;
+  return summary;
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ struct SparseOptions {
   Method method = Method::kGaussNewton;
   // First turns all nodes to headings that agree (PlaneProblem::TurnToAgree), which spares steps
   // from far away. Taken back where it leads to a higher cost than that of the start. For graphs in
-  // the plane without points; others are optimised as if it were not set.
+  // the plane without points or joint constraints; others are optimised as if it were not set.
   bool turn_first = false;
   int iterations_max = 100;
   // Converged when a step gains less than this part of the cost, or moves nothing by more than

@@ -47,7 +47,7 @@ namespace loci {
 class ToroOptimizer {
  public:
   // Starts at the graph's poses, every constraint at its full learning rate. The graph must be
-  // valid.
+  // valid and sweepable (sweep_limit.h).
   explicit ToroOptimizer(const PoseGraph& graph);
 
   // A new node. It stays alone until a constraint joins it to the rest.

@@ -107,10 +107,12 @@ void CollectMapMetrics(const SnapshotSource& maps, MetricsText& text) {
                     "Events that closed loops since the map was opened.",
                     map,
                     AsNumber(status.closures.events));
-    text.AddGauge("loci_map_last_closure_places_moved",
-                  "Places that the event that last closed a loop moved by more than a millimetre.",
-                  map,
-                  AsNumber(status.closures.last_places_moved));
+    text.AddGauge(
+        "loci_map_last_closure_places_moved",
+        "Places that the event that last closed a loop moved by more than a millimetre or a "
+        "milliradian.",
+        map,
+        AsNumber(status.closures.last_places_moved));
     if (status.newest) {
       CollectSnapshot(*status.newest, map, text);
     }

@@ -318,8 +318,8 @@ OptimizationSummary Optimize(Graph& graph, const CeresOptions& options) {
   summary.chi2_before = Chi2(graph);
   summary.cost_before = summary.chi2_before;
   const ceres::Solver::Summary solved = CeresProblem<Graph>(graph).Solve(options);
-  // The first one is the state before all steps.
-  summary.iterations = static_cast<int>(solved.iterations.size()) - 1;
+  // The first one is the state before all steps; there is none if nothing is free.
+  summary.iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
   summary.converged = solved.termination_type == ceres::CONVERGENCE ||
                       solved.termination_type == ceres::USER_SUCCESS;
   summary.chi2_after = Chi2(graph);

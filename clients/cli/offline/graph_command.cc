@@ -104,15 +104,16 @@ std::vector<Argument> ArgumentsInto(OptimizeArguments& arguments) {
            "uncertainty-tree: composed from pose to pose, along the breadth-first tree, along "
            "the paths of minimum uncertainty. chordal: rotations, then positions, by linear "
            "problems. swept: the tree's after ten sweeps of toro. prefixes: as if the graph were "
-           "just being recorded. auto: what suits the method: several for auto, the one with "
-           "the lowest chi2 for gauss-newton and levenberg-marquardt, the better of file and "
-           "tree for toro",
+           "just being recorded; not in space. auto: what suits the method: several for auto, the "
+           "one with the lowest chi2 for gauss-newton, levenberg-marquardt and ceres, the better "
+           "of file and tree for toro, the file with --robust",
        .choices = SolveStarts()},
       {.name = "--incremental",
        .target = &arguments.request.incremental,
        .help =
            "Add pose by pose in the order of the file, near the optimum after each, say what a "
-           "step costs, and finish as a whole. Not for priors, fixed points and graphs in space"},
+           "step costs, and finish as a whole. Not with another method or start, nor for priors, "
+           "fixed points and graphs in space"},
       {.name = "--robust",
        .target = &arguments.request.robust,
        .help = "Closures, the constraints between nodes that do not follow each other in the file, "
@@ -122,7 +123,9 @@ std::vector<Argument> ArgumentsInto(OptimizeArguments& arguments) {
                "scaling): by a kernel; for a start near the map, or few that are wrong. Not for "
                "graphs in space",
        .choices = SolveRobustMethods()},
-      {.name = "--sweeps", .target = &arguments.request.sweeps, .help = "Of --method toro (100)"}};
+      {.name = "--sweeps",
+       .target = &arguments.request.sweeps,
+       .help = "Of --method toro alone (100)"}};
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <sstream>
 #include <string_view>
+#include <utility>
 
 #include "clients/cli/json_output.h"
 #include "clients/cli/text_output.h"
@@ -157,6 +158,10 @@ std::string TextOf(const GraphReport& report, const G2oGraph& graph) {
     out << '\n'
         << solve.closures->accepted_count << " closures accepted, "
         << solve.closures->refused.size() << " refused and left out";
+    const char* separator = ": ";
+    for (const auto& refused : solve.closures->refused) {
+      out << std::exchange(separator, ", ") << refused.from << '-' << refused.to;
+    }
   }
   out << "\nread " << FixedText(report.read_s, 3) << " s, starts " << FixedText(solve.start_s, 3)
       << " s, solved " << FixedText(solve.solve_s, 3) << " s, wrote " << report.out << '\n';

@@ -16,6 +16,7 @@
 #include "core/graph/robust_optimize.h"
 #include "core/graph/space_problem.h"
 #include "core/graph/space_toro.h"
+#include "core/graph/sweep_limit.h"
 #include "core/graph/toro_optimizer.h"
 #include "core/graph/toro_tree.h"
 
@@ -24,6 +25,7 @@ namespace {
 
 // Valleys with a bent floor need many steps; a step costs milliseconds.
 constexpr int kIterationsMax = 1000;
+constexpr std::uint64_t kSweepsMax = 1000000;
 constexpr std::string_view kAutoStart = "auto";
 constexpr std::string_view kCeres = "ceres";
 
@@ -115,6 +117,14 @@ template <typename Graph>
 StatusOr<SolveReport> SolveByToro(const SolveRequest& request, Graph& graph) {
   using Toro =
       std::conditional_t<std::is_same_v<Graph, PoseGraph>, ToroOptimizer, SpaceToroOptimizer>;
+  if (!IsSweepable(graph)) {
+    return ResourceExhaustedError("the constraints' paths through the tree have more than " +
+                                  std::to_string(kPathElementsMax) +
+                                  " elements: use --method gauss-newton");
+  }
+  if (request.sweeps > kSweepsMax) {
+    return InvalidArgumentError("--sweeps: at most " + std::to_string(kSweepsMax));
+  }
   SolveReport report;
   const double chi2_before = Chi2(graph);
   std::string start = request.start;

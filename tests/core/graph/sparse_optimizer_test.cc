@@ -201,6 +201,22 @@ TEST(SparseOptimizerTest, TurningFirstEndsInTheSameMinimumOrNoHigherThanItBegan)
   }
 }
 
+TEST(SparseOptimizerTest, TurningFirstIsLeftOutWherePositionsAloneTieTheMap) {
+  PoseGraph graph = RandomLoopGraph(3, 40);
+  graph.fixed.clear();
+  const Eigen::Matrix2d information = Eigen::Matrix2d::Identity();
+  graph.position_priors = {{0, {0.0, 0.0}, information}, {39, {5.0, 5.0}, information}};
+  {
+    PlaneProblem problem(graph, {});
+    NormalEquations equations(problem.BlockSizes(), problem.Pairs());
+    EXPECT_FALSE(problem.TurnToAgree(equations));
+  }
+  graph.pose_priors = {{7, graph.map_from_node[7], Eigen::Matrix3d::Identity()}};
+  PlaneProblem problem(graph, {});
+  NormalEquations equations(problem.BlockSizes(), problem.Pairs());
+  EXPECT_TRUE(problem.TurnToAgree(equations));
+}
+
 TEST(SparseOptimizerTest, TurningFirstIsLeftOutWherePointsSaySomethingAboutHeadings) {
   PoseGraph graph = RandomLoopGraph(2, 40);
   AddPoints(3, 5, graph);
