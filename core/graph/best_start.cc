@@ -28,10 +28,7 @@ bool SameCost(double a, double b) {
   return std::abs(a - b) <= kSameCost + kSameCostRelative * std::max(std::abs(a), std::abs(b));
 }
 
-double CostOf(PoseGraph& graph, const SparseOptions& options) {
-  return PlaneProblem(graph, options.kernel).Cost();
-}
-double CostOf(SpaceGraph& graph, const SparseOptions& /*options*/) {
+double CostOf(SpaceGraph& graph, const RobustKernel& /*kernel*/) {
   return Chi2(graph);
 }
 
@@ -52,7 +49,7 @@ class BestStart {
 
   BestStartSummary Run() {
     const double chi2_before = Chi2(given_);
-    const double cost_before = CostOf(given_, options_.sparse);
+    const double cost_before = CostOf(given_, options_.sparse.kernel);
     TryCheapStarts();
     for (const GraphStart start : StartsFor(given_)) {
       if (!IsCheap(start) && !IsAgreed()) {
@@ -78,7 +75,7 @@ class BestStart {
     const double begin_s = Now();
     Candidate candidate{start, 0.0, given_};
     PlaceAtStart(start, candidate.graph);
-    candidate.cost = CostOf(candidate.graph, options_.sparse);
+    candidate.cost = CostOf(candidate.graph, options_.sparse.kernel);
     summary_.start_s += Now() - begin_s;
     return candidate;
   }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <optional>
 #include <tuple>
 #include <utility>
@@ -22,6 +23,9 @@ namespace {
 constexpr std::size_t kNearNodes = 41;
 // A closure is compared with so many others at most, the nearest ones: enough to hang together.
 constexpr std::size_t kComparedMax = 64;
+// Those are looked for among so many, at the nearest ends first: of many copies of one
+// closure each would look at all others.
+constexpr std::size_t kGatheredMax = 2048;
 // Two closures that agree by chance with more than this probability say nothing about each other.
 constexpr double kChanceMax = 0.05;
 // The median of chi2 with three degrees of freedom.
@@ -33,6 +37,12 @@ constexpr std::size_t kLoopsMin = 10;
 constexpr double kScaleMargin = 2.0;
 constexpr double kScaleMin = 1e-6;  // errors of rounding have no covariance
 constexpr double kAreaMinM2 = 1.0;  // closures without a translation are still apart
+// The part of the coordinates that counts as far out, at either side; at least one of so many.
+constexpr double kFarOutPart = 0.05;
+constexpr std::size_t kFarOutCountMin = 5;
+
+constexpr Discrepancy kFitsNothing{std::numeric_limits<double>::infinity(),
+                                   std::numeric_limits<double>::infinity()};
 
 struct Loop {
   std::uint32_t first = 0;
@@ -49,7 +59,10 @@ Discrepancy DiscrepancyOf(const Eigen::Vector3d& error, const Eigen::Matrix3d& c
   const Eigen::LLT<Eigen::Matrix3d> factor(covariance);
   const Eigen::Matrix3d root = factor.matrixL();
   const Eigen::Vector3d whitened = factor.matrixL().solve(error);
-  return {whitened.squaredNorm(), root(0, 0) * root(1, 1) * root(2, 2)};
+  const Discrepancy result{whitened.squaredNorm(), root(0, 0) * root(1, 1) * root(2, 2)};
+  // Measurements beyond the range of numbers fit nothing. What is not a number has no order,
+  // either.
+  return std::isfinite(result.chi2) && std::isfinite(result.sigma_product) ? result : kFitsNothing;
 }
 
 // The closures near one closure, nearest first.
@@ -62,7 +75,8 @@ class NearClosures {
     near_b_.Use(trusted);
   }
 
-  // Those behind `closure` in the order of closures, so that every pair is found once.
+  // Those behind `closure` in the order of closures, so that every pair is found once. Looks at
+  // kGatheredMax at most.
   std::vector<std::uint32_t> Behind(std::uint32_t closure) {
     const Closure& at = closures_[closure];
     near_a_.Search(at.a, kNearNodes);
@@ -70,22 +84,27 @@ class NearClosures {
     for (std::uint32_t i = 0; i < near_b_.Found().size(); ++i) {
       rank_b_[near_b_.Found()[i]] = i;
     }
+    const auto behind = closures_.begin() + static_cast<std::ptrdiff_t>(closure) + 1;
     std::vector<std::pair<std::size_t, std::uint32_t>> ranked;
+    std::size_t looked_at = 0;
     for (std::size_t rank_a = 0; rank_a < near_a_.Found().size(); ++rank_a) {
       const std::uint32_t a = near_a_.Found()[rank_a];
-      auto other = std::lower_bound(
-          closures_.begin(), closures_.end(), a, [](const Closure& each, std::uint32_t node) {
+      auto other =
+          std::lower_bound(behind, closures_.end(), a, [](const Closure& each, std::uint32_t node) {
             return each.a < node;
           });
-      for (; other != closures_.end() && other->a == a; ++other) {
-        const auto index = static_cast<std::uint32_t>(other - closures_.begin());
-        if (index > closure && near_b_.IsFound(other->b)) {
-          ranked.emplace_back(rank_a + rank_b_[other->b], index);
+      for (; other != closures_.end() && other->a == a && looked_at < kGatheredMax; ++other) {
+        ++looked_at;
+        if (near_b_.IsFound(other->b)) {
+          ranked.emplace_back(rank_a + rank_b_[other->b],
+                              static_cast<std::uint32_t>(other - closures_.begin()));
         }
       }
     }
-    std::sort(ranked.begin(), ranked.end());
-    ranked.resize(std::min(ranked.size(), kComparedMax));
+    const std::size_t count = std::min(ranked.size(), kComparedMax);
+    std::partial_sort(
+        ranked.begin(), ranked.begin() + static_cast<std::ptrdiff_t>(count), ranked.end());
+    ranked.resize(count);
     std::vector<std::uint32_t> result;
     for (const auto& [rank, index] : ranked) {
       result.push_back(index);
@@ -142,15 +161,32 @@ double CovarianceScale(const std::vector<Loop>& loops) {
   return std::clamp(kScaleMargin * *middle / kMedianChi2, kScaleMin, 1.0);
 }
 
-// Of the box around all measured translations.
-double AreaOf(const std::vector<Closure>& closures) {
-  Eigen::Vector2d low = Eigen::Vector2d::Zero();
-  Eigen::Vector2d high = Eigen::Vector2d::Zero();
+// Where the measured translations are.
+double AreaOfTranslations(const std::vector<Closure>& closures) {
+  std::vector<Eigen::Vector2d> translations;
   for (const Closure& closure : closures) {
-    low = low.cwiseMin(closure.a_from_b.translation());
-    high = high.cwiseMax(closure.a_from_b.translation());
+    translations.push_back(closure.a_from_b.translation());
   }
-  return std::max(kAreaMinM2, (high - low).prod());
+  return AreaOf(translations);
+}
+
+// From the lowest to the highest of what is not far out, and what is far out by the same measure.
+double SpreadOf(std::vector<double> coordinates) {
+  const std::size_t count = coordinates.size();
+  if (count < 2) {
+    return 0.0;
+  }
+  const std::size_t far_out =
+      count < kFarOutCountMin
+          ? 0
+          : static_cast<std::size_t>(std::ceil(kFarOutPart * static_cast<double>(count)));
+  const auto low = coordinates.begin() + static_cast<std::ptrdiff_t>(far_out);
+  const auto high = coordinates.end() - static_cast<std::ptrdiff_t>(far_out + 1);
+  std::nth_element(coordinates.begin(), low, coordinates.end());
+  const double lowest = *low;
+  std::nth_element(low, high, coordinates.end());
+  return (*high - lowest) * static_cast<double>(count - 1) /
+         static_cast<double>(count - 1 - 2 * far_out);
 }
 
 }  // namespace
@@ -205,9 +241,21 @@ Discrepancy CompareClosure(const Closure& closure, const Relation& predicted_a_f
                        closure.covariance + predicted_a_from_b.covariance);
 }
 
-double ChanceOf(double sigma_product, double area_m2) {
+double ChanceOf(const Discrepancy& discrepancy, double covariance_scale, double area_m2) {
   const double ball = 4.0 / 3.0 * kPi * kGateChi2 * std::sqrt(kGateChi2);
+  const double sigma_product =
+      covariance_scale * std::sqrt(covariance_scale) * discrepancy.sigma_product;
   return ball * sigma_product / (area_m2 * 2.0 * kPi);
+}
+
+double AreaOf(const std::vector<Eigen::Vector2d>& positions) {
+  std::vector<double> x;
+  std::vector<double> y;
+  for (const Eigen::Vector2d& position : positions) {
+    x.push_back(position.x());
+    y.push_back(position.y());
+  }
+  return std::max(kAreaMinM2, SpreadOf(std::move(x)) * SpreadOf(std::move(y)));
 }
 
 ClosureClusters FindClosureClusters(const PoseGraph& graph) {
@@ -216,14 +264,13 @@ ClosureClusters FindClosureClusters(const PoseGraph& graph) {
   const std::vector<Loop> loops = FindLoops(graph, result.closures);
   result.covariance_scale = CovarianceScale(loops);
   const double scale = result.covariance_scale;
-  const double area_m2 = AreaOf(result.closures);
+  const double area_m2 = AreaOfTranslations(result.closures);
   ConsistencyGraph consistency;
   consistency.weights.assign(result.closures.size(), 1.0);
   for (const Loop& loop : loops) {
     if (loop.discrepancy.chi2 > kGateChi2 * scale) {
       consistency.conflicts.emplace_back(loop.first, loop.second);
-    } else if (ChanceOf(scale * std::sqrt(scale) * loop.discrepancy.sigma_product, area_m2) <
-               kChanceMax) {
+    } else if (ChanceOf(loop.discrepancy, scale, area_m2) < kChanceMax) {
       consistency.links.emplace_back(loop.first, loop.second);
     }
   }

@@ -57,8 +57,14 @@ Discrepancy CompareClosures(const Closure& first,
 // Of the closure and what is known of b from a without it.
 Discrepancy CompareClosure(const Closure& closure, const Relation& predicted_a_from_b);
 
-// The part of all poses on `area_m2` that passes kGateChi2 by chance: the volume of the gate.
-double ChanceOf(double sigma_product, double area_m2);
+// The part of all poses on `area_m2` that passes kGateChi2 by chance: the volume of the gate, where
+// covariances are `covariance_scale` times what the discrepancy says.
+double ChanceOf(const Discrepancy& discrepancy, double covariance_scale, double area_m2);
+
+// Where poses may be by chance, at least 1 m^2: the box that the middle nine tenths of the
+// positions need in x and in y, as much larger as it would have to be for all if they lay evenly.
+// So a few positions far out, which one false closure can make, do not count.
+double AreaOf(const std::vector<Eigen::Vector2d>& positions);
 
 struct ClosureClusters {
   std::vector<Closure> closures;
@@ -70,8 +76,9 @@ struct ClosureClusters {
 };
 
 // Compares each closure with those that have both ends near its own: among the nodes that the
-// constraints without the mark `robust` tie closest to them. Costs linear time in the closures,
-// since pairs that are further apart are not compared.
+// constraints without the mark `robust` tie closest to them, and with a bounded number of those. So
+// the comparisons are linear in the closures whatever the graph is; finding the nearest nodes costs
+// what PathCovariance::Search does, and is so too where no node has very many constraints.
 //
 // covariance_scale is twice the median over the loops of each closure with its nearest neighbour,
 // against the median that chi2 should have: half of these loops may be made of false closures.

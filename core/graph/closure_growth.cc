@@ -3,7 +3,6 @@
 #include "core/graph/closure_growth.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <iterator>
@@ -43,7 +42,6 @@ constexpr int kRoundsMax = 200;
 // A round need not be exact, only right: the next one moves everything again.
 constexpr int kIterationsMax = 10;
 constexpr double kGainMin = 1e-3;
-constexpr double kAreaMinM2 = 1.0;
 constexpr double kUnknown = std::numeric_limits<double>::infinity();
 
 class ClosureGrowth {
@@ -55,7 +53,13 @@ class ClosureGrowth {
         paths_(graph),
         paths_b_(graph),
         states_(clusters.clusters.size()),
-        believed_(TrustedOf(graph)) {}
+        believed_(TrustedOf(graph)),
+        touched_(graph.map_from_node.size()) {
+    for (const GraphConstraint& constraint : graph.constraints) {
+      touched_[constraint.from] = true;
+      touched_[constraint.to] = true;
+    }
+  }
 
   std::vector<bool> Grow() {
     Optimize();
@@ -81,7 +85,7 @@ class ClosureGrowth {
     return graph_.constraints[clusters_.closures[closure].constraint];
   }
   double Chance(const Discrepancy& discrepancy) const {
-    return ChanceOf(scale_ * std::sqrt(scale_) * discrepancy.sigma_product, area_m2_);
+    return ChanceOf(discrepancy, scale_, area_m2_);
   }
   Relation RelationTo(const PathCovariance& paths, std::uint32_t from, std::uint32_t to) const {
     return {Inverse(graph_.map_from_node[from]) * graph_.map_from_node[to], paths.CovarianceTo(to)};
@@ -109,7 +113,9 @@ class ClosureGrowth {
         Believe(cluster);
       }
       Optimize();
-      Doubt();
+      if (Doubt()) {
+        Optimize();
+      }
     }
   }
 
@@ -237,8 +243,9 @@ class ClosureGrowth {
   }
 
   // A cluster is open again if more than half of it does not fit any more; otherwise only its
-  // closures that do not are left out.
-  void Doubt() {
+  // closures that do not are left out. Returns whether there was any.
+  bool Doubt() {
+    bool changed = false;
     for (std::size_t i = 0; i < states_.size(); ++i) {
       if (!states_[i].believed) {
         continue;
@@ -250,35 +257,39 @@ class ClosureGrowth {
       const auto wrong = std::count_if(cluster.begin(), cluster.end(), is_wrong);
       const bool all_wrong = 2 * static_cast<std::size_t>(wrong) > cluster.size();
       for (const std::uint32_t closure : cluster) {
-        if (all_wrong || is_wrong(closure)) {
-          believed_.constraints[clusters_.closures[closure].constraint] = false;
+        const std::uint32_t constraint = clusters_.closures[closure].constraint;
+        if (believed_.constraints[constraint] && (all_wrong || is_wrong(closure))) {
+          believed_.constraints[constraint] = false;
+          changed = true;
         }
       }
       states_[i].believed = !all_wrong;
       states_[i].doubts += all_wrong ? 1 : 0;
     }
+    return changed;
   }
 
-  // Of the box around all nodes.
+  // Over the nodes that a constraint touches: others are nowhere.
   void FindArea() {
-    Eigen::Vector2d low = graph_.map_from_node.front().translation();
-    Eigen::Vector2d high = low;
-    for (const Pose2& pose : graph_.map_from_node) {
-      low = low.cwiseMin(pose.translation());
-      high = high.cwiseMax(pose.translation());
+    std::vector<Eigen::Vector2d> positions;
+    for (std::size_t i = 0; i < touched_.size(); ++i) {
+      if (touched_[i]) {
+        positions.push_back(graph_.map_from_node[i].translation());
+      }
     }
-    area_m2_ = std::max(kAreaMinM2, (high - low).prod());
+    area_m2_ = AreaOf(positions);
   }
 
   const ClosureClusters& clusters_;
   PoseGraph& graph_;
   double scale_;
-  double area_m2_ = kAreaMinM2;
+  double area_m2_ = 0.0;
   int round_ = 0;
   PathCovariance paths_;       // over what is believed
   PathCovariance paths_b_;     // the same, from the other end
   std::vector<State> states_;  // per cluster
   GraphSelection believed_;
+  std::vector<bool> touched_;  // per node, by a constraint
 };
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <iterator>
+#include <set>
 
 namespace loci {
 namespace {
@@ -58,7 +59,11 @@ std::vector<Items> Components(const std::vector<Items>& links,
 class HeaviestSubset {
  public:
   HeaviestSubset(const std::vector<double>& weights, const std::vector<Items>& conflicts)
-      : weights_(weights), conflicts_(conflicts), free_(weights.size()), taken_(weights.size()) {}
+      : weights_(weights),
+        conflicts_(conflicts),
+        free_(weights.size()),
+        taken_(weights.size()),
+        against_(weights.size()) {}
 
   Items Find(const Items& items) {
     for (const std::uint32_t item : items) {
@@ -106,16 +111,30 @@ class HeaviestSubset {
     chosen_.clear();
     best_.clear();
     best_weight_ = 0.0;
+    decisions_left_ = kExactDecisionsMax;
     Branch(contested, 0.0);
-    for (const std::uint32_t item : contested) {
-      free_[item] = true;
+    if (decisions_left_ > 0) {
+      return best_;
     }
-    return best_;
+    Items greedy = FindGreedy(contested);
+    return WeightOf(greedy) < best_weight_ ? best_ : greedy;
+  }
+
+  double WeightOf(const Items& items) const {
+    double sum = 0.0;
+    for (const std::uint32_t item : items) {
+      sum += weights_[item];
+    }
+    return sum;
   }
 
   // Decides the item with the most conflicts: with it, its conflicts go; or without it. What is
   // left without a conflict is taken.
   void Branch(const Items& contested, double weight) {
+    if (decisions_left_ == 0) {
+      return;
+    }
+    --decisions_left_;
     double rest = 0.0;
     std::uint32_t most = 0;
     std::size_t most_degree = 0;
@@ -156,28 +175,32 @@ class HeaviestSubset {
   }
 
   Items FindGreedy(const Items& contested) {
+    std::set<std::pair<double, std::uint32_t>> open;  // by what speaks against them
+    for (const std::uint32_t item : contested) {
+      against_[item] = ConflictWeight(item);
+      open.emplace(against_[item] / weights_[item], item);
+    }
     Items result;
-    std::size_t left = contested.size();
-    while (left > 0) {
-      std::uint32_t best = 0;
-      double best_cost = 0.0;
-      bool found = false;
-      for (const std::uint32_t item : contested) {
-        if (!free_[item]) {
+    while (!open.empty()) {
+      const std::uint32_t best = open.begin()->second;
+      result.push_back(best);
+      open.erase(open.begin());
+      free_[best] = false;
+      for (const std::uint32_t refused : conflicts_[best]) {
+        if (!free_[refused]) {
           continue;
         }
-        if (const double cost = ConflictWeight(item) / weights_[item]; !found || cost < best_cost) {
-          best = item;
-          best_cost = cost;
-          found = true;
+        free_[refused] = false;
+        open.erase({against_[refused] / weights_[refused], refused});
+        for (const std::uint32_t relieved : conflicts_[refused]) {
+          if (free_[relieved]) {
+            const auto place = open.find({against_[relieved] / weights_[relieved], relieved});
+            against_[relieved] -= weights_[refused];
+            auto node = open.extract(place);
+            node.value().first = against_[relieved] / weights_[relieved];
+            open.insert(std::move(node));
+          }
         }
-      }
-      result.push_back(best);
-      free_[best] = false;
-      --left;
-      for (const std::uint32_t other : conflicts_[best]) {
-        left -= free_[other] ? 1U : 0U;
-        free_[other] = false;
       }
     }
     return result;
@@ -196,6 +219,8 @@ class HeaviestSubset {
   Items chosen_;
   Items best_;
   double best_weight_ = 0.0;
+  std::size_t decisions_left_ = 0;
+  std::vector<double> against_;  // FindGreedy: the weight of the conflicts that are still free
 };
 
 // Puts the items with the most links within `set` first.

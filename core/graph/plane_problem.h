@@ -91,4 +91,9 @@ class PlaneProblem final : public LeastSquaresProblem {
   std::vector<Eigen::Vector2d> points_before_;
 };
 
+// Of the graph as it stands.
+inline double CostOf(PoseGraph& graph, const RobustKernel& kernel) {
+  return PlaneProblem(graph, kernel).Cost();
+}
+
 }  // namespace loci

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <utility>
+#include <vector>
 
 #include "core/graph/closure_clusters.h"
 #include "core/graph/closure_growth.h"
@@ -36,8 +37,12 @@ constexpr double kGateOfTwoChi2 = 13.816;
 // Graduated non-convexity: mu falls by this (Yang et al. 2020), with so many steps each.
 constexpr double kGraduation = 1.4;
 constexpr int kGraduationIterations = 2;
-// What is accepted at an optimum may make another one; this often at most.
-constexpr int kSelectionsMax = 10;
+// And from here at most, in 137 of them: a constraint further off than this many gates is wrong.
+constexpr double kGraduationStartMax = 1e20;
+// What is accepted at an optimum may make another one. After the first of these rounds what was
+// refused stays refused, so that constraints that push each other out do not take turns for ever.
+constexpr int kFreeSelections = 5;
+constexpr int kSelectionsMax = 20;
 // The scale of kConsistent is that of loops of a few constraints. At the optimum of a large map
 // errors add up that loops do not see.
 constexpr double kFinalGateFactor = 2.0;
@@ -66,10 +71,6 @@ void PlaceByTrusted(PoseGraph& graph) {
   PlaceUntrustedPoints(graph);
 }
 
-double CostOf(PoseGraph& graph, const RobustKernel& kernel) {
-  return PlaneProblem(graph, kernel).Cost();
-}
-
 template <typename Term>
 void RaiseToLargestRobust(const PoseGraph& graph, const std::vector<Term>& terms, double& chi2) {
   for (const Term& term : terms) {
@@ -93,7 +94,10 @@ void OptimizeGraduated(SparseOptions options, PoseGraph& graph) {
   const int iterations_max = options.iterations_max;
   options.kernel.shape = RobustKernel::Shape::kGemanMcClure;
   options.iterations_max = std::min(iterations_max, kGraduationIterations);
-  for (double mu = 2.0 * LargestRobustChi2(graph) / kGateChi2; mu > 1.0; mu /= kGraduation) {
+  const double largest = LargestRobustChi2(graph);
+  // Beyond the range of numbers nothing has a cost, and there is no convex problem to begin with.
+  double mu = std::isfinite(largest) ? 2.0 * largest / kGateChi2 : 1.0;
+  for (mu = std::min(mu, kGraduationStartMax); mu > 1.0; mu /= kGraduation) {
     options.kernel.width_sigmas = std::sqrt(mu * kGateChi2);
     OptimizeSparse(graph, options);
   }
@@ -153,7 +157,27 @@ void OptimizeByKernel(RobustMethod method,
   }
 }
 
-void OptimizeByConsistency(const SparseOptions& options, PoseGraph& graph, RobustSummary& summary) {
+// Which component each node is in, with all fixed nodes in one: they are in one frame already.
+std::vector<std::uint32_t> FramesOf(const PoseGraph& graph) {
+  const GraphComponents components = FindComponents(graph);
+  std::vector<bool> is_fixed(components.count);
+  for (std::size_t i = 0; i < components.of_node.size(); ++i) {
+    if (graph.IsFixed(i)) {
+      is_fixed[components.of_node[i]] = true;
+    }
+  }
+  std::vector<std::uint32_t> frames;
+  for (const std::uint32_t component : components.of_node) {
+    frames.push_back(is_fixed[component] ? components.count : component);
+  }
+  return frames;
+}
+
+// Returns the frames of the nodes by what is believed; those of different frames are where the
+// given poses happened to have them.
+std::vector<std::uint32_t> OptimizeByConsistency(const SparseOptions& options,
+                                                 PoseGraph& graph,
+                                                 RobustSummary& summary) {
   PlaceByTrusted(graph);
   summary.began_at_trusted = true;
   summary.chi2_start = Chi2(graph);
@@ -172,6 +196,7 @@ void OptimizeByConsistency(const SparseOptions& options, PoseGraph& graph, Robus
     TakePoses(std::move(part), graph);
   }
   summary.covariance_scale = clusters.covariance_scale;
+  return FramesOf(PartOf(graph, believed));
 }
 
 template <typename Term>
@@ -191,13 +216,43 @@ GraphSelection Passing(const PoseGraph& graph, double closure_scale) {
           Passing(graph, graph.position_priors, kGateOfTwoChi2)};
 }
 
-// Accepts what passes, optimises over it, and looks again.
+void KeepCommon(const std::vector<bool>& others, std::vector<bool>& selected) {
+  for (std::size_t i = 0; i < selected.size(); ++i) {
+    selected[i] = selected[i] && others[i];
+  }
+}
+
+void KeepCommon(const GraphSelection& others, GraphSelection& selected) {
+  KeepCommon(others.constraints, selected.constraints);
+  KeepCommon(others.point_constraints, selected.point_constraints);
+  KeepCommon(others.pose_priors, selected.pose_priors);
+  KeepCommon(others.position_priors, selected.position_priors);
+}
+
+// Nothing speaks for a robust constraint between two frames but that the frames happen to fit it.
+void RefuseBetweenFrames(const PoseGraph& graph,
+                         const std::vector<std::uint32_t>& frames,
+                         GraphSelection& selected) {
+  for (std::size_t i = 0; i < graph.constraints.size(); ++i) {
+    const GraphConstraint& constraint = graph.constraints[i];
+    if (constraint.robust && frames[constraint.from] != frames[constraint.to]) {
+      selected.constraints[i] = false;
+    }
+  }
+}
+
+// Accepts what passes within its frame, optimises over it, and looks again.
 void Select(const SparseOptions& options,
             double closure_scale,
+            const std::vector<std::uint32_t>& frames,
             PoseGraph& graph,
             RobustSummary& summary) {
   for (int i = 0; i < kSelectionsMax; ++i) {
     GraphSelection passing = Passing(graph, closure_scale);
+    RefuseBetweenFrames(graph, frames, passing);
+    if (i >= kFreeSelections) {
+      KeepCommon(summary.accepted, passing);
+    }
     if (i > 0 && passing == summary.accepted) {
       break;
     }
@@ -250,13 +305,14 @@ StatusOr<RobustSummary> OptimizeRobustly(PoseGraph& graph, const RobustOptions& 
     return summary;
   }
   double closure_scale = 1.0;
+  std::vector<std::uint32_t> frames(graph.map_from_node.size());  // kernels know of one only
   if (options.method == RobustMethod::kConsistent) {
-    OptimizeByConsistency(plain, graph, summary);
+    frames = OptimizeByConsistency(plain, graph, summary);
     closure_scale = std::min(1.0, kFinalGateFactor * summary.covariance_scale);
   } else {
     OptimizeByKernel(options.method, plain, graph, summary);
   }
-  Select(plain, closure_scale, graph, summary);
+  Select(plain, closure_scale, frames, graph, summary);
   summary.optimization.chi2_before = chi2_before;
   summary.optimization.cost_before = chi2_before;
   return summary;

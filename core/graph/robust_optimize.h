@@ -63,9 +63,16 @@ void MarkClosures(PoseGraph& graph);
 // those whose chi2 there passes its gate. Fixed order throughout: the same graph gives the same
 // bits.
 //
+// What passes is looked for at one optimum after the other until nothing changes. From the sixth on
+// constraints are only refused, so that it ends; some that would fit the last one may be missing
+// then. The twentieth is the last in any case, and only there something that does not pass may be
+// left among what is accepted.
+//
 // Kernels begin at the given poses or, where the kernel's cost is lower there, at the poses that
 // follow from the trusted constraints alone. kConsistent begins at those always. It leaves robust
-// point constraints and priors to Geman and McClure's kernel, when the poses are found.
+// point constraints and priors to Geman and McClure's kernel, when the poses are found, and accepts
+// no robust constraint between components that core/graph/closure_growth.h did not join, however
+// well the given poses fit it; all that hold a fixed node are one component there.
 // Errors: those of ValidateGraph, and kFailedPrecondition for kConsistent where there is a joint
 // constraint, since its paths lead over pairs only. The graph is unchanged then.
 StatusOr<RobustSummary> OptimizeRobustly(PoseGraph& graph, const RobustOptions& options);

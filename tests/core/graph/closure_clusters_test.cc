@@ -3,10 +3,12 @@
 #include "core/graph/closure_clusters.h"
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include <gtest/gtest.h>
 
+#include "core/graph/graph_selection.h"
 #include "tests/core/graph/false_closures.h"
 #include "tests/core/graph/random_graph.h"
 
@@ -107,6 +109,43 @@ TEST(ClosureClustersTest, TrueClosuresHangTogetherAndFalseOnesStandAlone) {
   EXPECT_EQ(seen.size(), found.closures.size());  // each closure is in one cluster
   EXPECT_GT(together, (found.closures.size() - 200) * 9 / 10);
   EXPECT_LE(mixed, 2U);
+}
+
+TEST(ClosureClustersTest, TheAreaIsThatOfMostPositionsHoweverFarTheOthersAre) {
+  std::vector<Eigen::Vector2d> positions;
+  for (int i = 0; i <= 200; ++i) {
+    positions.emplace_back(0.1 * i, 0.05 * (i * 7 % 201));
+  }
+  EXPECT_NEAR(AreaOf(positions), 200.0, 1e-9);
+  for (int i = 0; i < 10; ++i) {
+    positions.emplace_back(1e6, -1e9);
+  }
+  EXPECT_NEAR(AreaOf(positions), 200.0, 30.0);
+  EXPECT_EQ(AreaOf({}), 1.0);
+  EXPECT_EQ(AreaOf({{5.0, 5.0}}), 1.0);
+  EXPECT_NEAR(AreaOf({{0.0, 0.0}, {3.0, 4.0}}), 12.0, 1e-12);
+}
+
+TEST(ClosureClustersTest, MeasurementsBeyondTheRangeOfNumbersFitNothing) {
+  const Relation near{Pose2{1.0, 0.0, 0.5}, SmallCovariance()};
+  const Closure closure{0, 0, 1, Pose2{1e200, 0.0, 0.5}, SmallCovariance()};
+  EXPECT_FALSE(CompareClosure(closure, near).chi2 < 1e300);
+  EXPECT_FALSE(std::isnan(CompareClosure(closure, near).chi2));
+  EXPECT_FALSE(std::isnan(CompareClosures(closure, closure, near, near).chi2));
+}
+
+// Each is compared with a few of the others, and looks at few: all would take far longer.
+TEST(ClosureClustersTest, ManyCopiesOfOneClosureAreOneCluster) {
+  constexpr std::size_t kCopies = 10000;
+  PoseGraph graph = ManhattanWorld(46, 100);
+  graph = PartOf(graph, TrustedOf(graph));
+  const Pose2 from_from_to = Inverse(graph.map_from_node[10]) * graph.map_from_node[80];
+  graph.constraints.insert(graph.constraints.end(),
+                           kCopies,
+                           {10, 80, from_from_to, 1e4 * Eigen::Matrix3d::Identity(), true});
+  const ClosureClusters found = FindClosureClusters(graph);
+  ASSERT_EQ(found.clusters.size(), 1U);
+  EXPECT_EQ(found.clusters[0].size(), kCopies);
 }
 
 }  // namespace

@@ -113,6 +113,61 @@ TEST(ConsistentSetTest, LargeComponentsAreCoveredWithoutAConflictAndTheLargestSe
   }
 }
 
+TEST(ConsistentSetTest, LargeComponentsTakeAgainAndAgainWhatTheLeastWeightSpeaksAgainst) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    ConsistencyGraph graph = RandomGraph(seed, 80, 0.05 * static_cast<double>(seed), true);
+    for (std::uint32_t i = 0; i < 80; ++i) {
+      graph.weights[i] = i % 3 == 0 ? 2.0 : 1.0;  // sums are exact
+      graph.links.emplace_back(i, 80);
+    }
+    graph.weights.push_back(1.0);
+    std::vector<std::set<std::uint32_t>> conflicts(81);
+    for (const auto& [a, b] : graph.conflicts) {
+      conflicts[a].insert(b);
+      conflicts[b].insert(a);
+    }
+    std::set<std::uint32_t> open;
+    for (std::uint32_t i = 0; i <= 80; ++i) {
+      open.insert(i);
+    }
+    std::vector<std::uint32_t> expected;
+    while (!open.empty()) {
+      const auto cost = [&](std::uint32_t item) {
+        double sum = 0.0;
+        for (const std::uint32_t other : conflicts[item]) {
+          sum += open.contains(other) ? graph.weights[other] : 0.0;
+        }
+        return sum / graph.weights[item];
+      };
+      const std::uint32_t best = *std::min_element(
+          open.begin(), open.end(), [&](auto x, auto y) { return cost(x) < cost(y); });
+      expected.push_back(best);
+      open.erase(best);
+      for (const std::uint32_t other : conflicts[best]) {
+        open.erase(other);
+      }
+    }
+    const auto sets = ConsistentSets(graph);
+    ExpectConflictFreeCover(graph, sets);
+    EXPECT_EQ(std::set<std::uint32_t>(sets.front().begin(), sets.front().end()),
+              std::set<std::uint32_t>(expected.begin(), expected.end()))
+        << seed;
+  }
+}
+
+TEST(ConsistentSetTest, ManyEqualChoicesAreDecidedGreedily) {
+  // Eight rings of five conflicts each: every branch leads to the same weight.
+  ConsistencyGraph graph;
+  graph.weights.assign(41, 1.0);
+  for (std::uint32_t i = 0; i < 40; ++i) {
+    graph.links.emplace_back(i, 40);
+    graph.conflicts.emplace_back(i, i / 5 * 5 + (i + 1) % 5);
+  }
+  const auto sets = ConsistentSets(graph);
+  ExpectConflictFreeCover(graph, sets);
+  EXPECT_EQ(sets.front().size(), 17U);
+}
+
 TEST(ConsistentSetTest, WithoutALinkNothingIsASetAndWithoutAConflictEveryComponentIs) {
   ConsistencyGraph graph;
   graph.weights.assign(5, 1.0);

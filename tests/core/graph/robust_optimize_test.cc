@@ -92,17 +92,50 @@ TEST_P(FalseClosuresTest, ConsistencyKeepsTheMapOfATown) {
 
 INSTANTIATE_TEST_SUITE_P(RunLength, FalseClosuresTest, testing::Values(1, 10));
 
-TEST(RobustOptimizeTest, WithoutATrueClosureNoFalseOneBendsTheMap) {
+// A town with odometry and 200 false closures only.
+PoseGraph WithoutATrueClosure() {
   const PoseGraph town = ManhattanWorld(5, 1000);
   PoseGraph with_false = town;
   AddFalseClosures({105, 200, 1}, with_false);
   PoseGraph graph = PartOf(town, TrustedOf(town));
   graph.constraints.insert(
       graph.constraints.end(), with_false.constraints.end() - 200, with_false.constraints.end());
+  return graph;
+}
+
+TEST(RobustOptimizeTest, WithoutATrueClosureNoFalseOneBendsTheMap) {
+  PoseGraph graph = WithoutATrueClosure();
   const StatusOr<RobustSummary> summary = OptimizeRobustly(graph, RobustOptions{});
   ASSERT_THAT(summary, IsOk());
   const std::vector<bool>& accepted = summary->accepted.constraints;
   EXPECT_LE(std::count(accepted.begin() + 999, accepted.end(), true), 2);
+}
+
+TEST(RobustOptimizeTest, ANodeFarOutMakesNoFalseClosureMoreCertain) {
+  PoseGraph graph = WithoutATrueClosure();
+  graph.map_from_node.emplace_back();
+  graph.constraints.push_back({0, 1000, Pose2{1e6, 1e6, 0.0}, Eigen::Matrix3d::Identity(), false});
+  const StatusOr<RobustSummary> summary = OptimizeRobustly(graph, RobustOptions{});
+  ASSERT_THAT(summary, IsOk());
+  const std::vector<bool>& accepted = summary->accepted.constraints;
+  EXPECT_LE(std::count(accepted.begin() + 999, accepted.end() - 1, true), 2);
+}
+
+TEST(RobustOptimizeTest, AClosureBeyondTheRangeOfNumbersIsRefusedByEveryMethodButNone) {
+  for (const RobustMethod method : kRobustMethods) {
+    for (const double far_m : {1e100, 1e200}) {
+      PoseGraph graph = Optimum(RandomLoopGraph(76, 60));
+      graph.constraints.push_back(
+          {10, 40, Pose2{far_m, -far_m, 1.0}, Eigen::Matrix3d::Identity(), true});
+      RobustOptions options;
+      options.method = method;
+      const StatusOr<RobustSummary> summary = OptimizeRobustly(graph, options);
+      ASSERT_THAT(summary, IsOk());
+      if (method != RobustMethod::kNone) {
+        EXPECT_FALSE(summary->accepted.constraints.back()) << RobustMethodName(method);
+      }
+    }
+  }
 }
 
 TEST(RobustOptimizeTest, SameBitsTwiceAndInAnyOrderOfTheConstraints) {
@@ -156,15 +189,31 @@ TEST(RobustOptimizeTest, SessionsAreJoinedByTheClosuresThatAgree) {
 }
 
 TEST(RobustOptimizeTest, OneClosureAloneJoinsNoSessions) {
-  TwoSessions sessions = MakeTwoSessions(8);
-  PoseGraph& graph = sessions.graph;
-  std::erase_if(graph.constraints, [](const GraphConstraint& constraint) {
-    return constraint.from < 600 && constraint.to >= 600;
-  });
-  graph.constraints.push_back({300, 900, Pose2{1.0, 2.0, 0.5}, Eigen::Matrix3d::Identity(), true});
+  for (const bool poses_fit : {false, true}) {
+    PoseGraph graph = MakeTwoSessions(8).graph;
+    std::erase_if(graph.constraints, [](const GraphConstraint& constraint) {
+      return constraint.from < 600 && constraint.to >= 600;
+    });
+    const Pose2 fitting = Inverse(graph.map_from_node[0]) * graph.map_from_node[600];
+    graph.constraints.push_back(
+        {0, 600, poses_fit ? fitting : Pose2{1.0, 2.0, 0.5}, Eigen::Matrix3d::Identity(), true});
+    const StatusOr<RobustSummary> summary = OptimizeRobustly(graph, RobustOptions{});
+    ASSERT_THAT(summary, IsOk());
+    EXPECT_FALSE(summary->accepted.constraints.back()) << poses_fit;
+  }
+}
+
+TEST(RobustOptimizeTest, FixedNodesAreOneSession) {
+  PoseGraph graph;
+  graph.map_from_node = {Pose2{}, Pose2{1.0, 0.0, 0.0}, Pose2{1.0, 1.0, 0.0}};
+  graph.fixed = {true, true, false};
+  const Eigen::Matrix3d information = 100.0 * Eigen::Matrix3d::Identity();
+  graph.constraints = {{1, 2, Pose2{0.0, 1.0, 0.0}, information, false},
+                       {0, 2, Pose2{1.0, 1.0, 0.0}, information, true},
+                       {0, 2, Pose2{1.0, 3.0, 0.0}, information, true}};
   const StatusOr<RobustSummary> summary = OptimizeRobustly(graph, RobustOptions{});
   ASSERT_THAT(summary, IsOk());
-  EXPECT_FALSE(summary->accepted.constraints.back());
+  EXPECT_EQ(summary->accepted.constraints, (std::vector<bool>{true, true, false}));
 }
 
 TEST(RobustOptimizeTest, WrongPriorsAndPointsAreRefusedToo) {
