@@ -62,6 +62,9 @@ Eigen::MatrixXd PseudoInverse(const Eigen::MatrixXd& h, const Eigen::VectorXd& s
 
 Quadratic MinimisedOverRest(const Quadratic& form, Eigen::Index kept) {
   const Eigen::Index rest = form.b.size() - kept;
+  if (rest == 0) {
+    return form;
+  }
   const Eigen::MatrixXd rest_block = form.h.bottomRightCorner(rest, rest);
   const Eigen::MatrixXd gain = form.h.topRightCorner(kept, rest) *
                                ScaledEigenvalues(rest_block, rest_block.diagonal()).PseudoInverse();

@@ -215,6 +215,21 @@ TEST(JointConstraintTest, AnImpliedPairHasTheCovarianceThatTheWholeGivesIt) {
   }
 }
 
+TEST(JointConstraintTest, AnImpliedPairOfTwoNodesIsThatPair) {
+  PoseGraph graph = RandomLoopGraph(321, 10);
+  RandomSequence random(322);
+  JointConstraint constraint = RandomJoint({7, 3}, graph, 0.3, 0.1, random);
+  // One direction is as good as unknown, beside the others: nothing was taken away, so it stays.
+  const Eigen::Vector3d known(1.0, 0.0, 1.0);
+  const Eigen::Vector3d weak(1.0, 0.0, -1.0);
+  constraint.information = 1e10 * known * known.transpose() + 1e-4 * weak * weak.transpose();
+  const GraphConstraint pair = ImpliedPair(constraint, 1);
+  EXPECT_EQ(pair.from, 7U);
+  EXPECT_EQ(pair.to, 3U);
+  EXPECT_EQ(pair.from_from_to, constraint.first_from_node[0]);
+  EXPECT_EQ(pair.information, PairOf(constraint).information);
+}
+
 // A graph whose second half hangs on the first by a joint constraint alone.
 PoseGraph HangingGraph() {
   PoseGraph graph = RandomLoopGraph(319, 20);
