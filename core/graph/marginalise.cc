@@ -3,6 +3,7 @@
 #include "core/graph/marginalise.h"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <string>
@@ -39,7 +40,7 @@ Status RefuseTerms(const std::vector<Term>& terms,
                    const NodeOf& node_of) {
   for (std::size_t i = 0; i < terms.size(); ++i) {
     if (node_of(terms[i]) == node) {
-      return FailedPreconditionError(NameOf(node) + ": has " + field + "[" + std::to_string(i) +
+      return FailedPreconditionError("has " + field + "[" + std::to_string(i) +
                                      "], cannot be marginalised");
     }
   }
@@ -48,16 +49,14 @@ Status RefuseTerms(const std::vector<Term>& terms,
 
 Status CheckNode(const PoseGraph& graph, std::uint32_t node) {
   if (node >= graph.map_from_node.size()) {
-    return InvalidArgumentError(NameOf(node) + ": must be < " +
-                                std::to_string(graph.map_from_node.size()));
+    return InvalidArgumentError("must be < " + std::to_string(graph.map_from_node.size()));
   }
   if (graph.IsFixed(node)) {
-    return FailedPreconditionError(NameOf(node) + ": is fixed, cannot be marginalised");
+    return FailedPreconditionError("is fixed, cannot be marginalised");
   }
   for (std::size_t i = 0; i < graph.constraints.size(); ++i) {
     if (graph.constraints[i].from == node && graph.constraints[i].to == node) {
-      return InvalidArgumentError("constraints[" + std::to_string(i) + "]: joins " + NameOf(node) +
-                                  " to itself");
+      return InvalidArgumentError("constraints[" + std::to_string(i) + "] joins it to itself");
     }
   }
   const auto of_prior = [](const auto& prior) { return prior.node; };
@@ -198,8 +197,9 @@ StatusOr<JointConstraint> ConstraintAt(const PoseGraph& graph,
     const Pose2 moved{shift(row), shift(row + 1), shift(row + 2)};
     // As a pose, the shift would be a turn the other way round.
     if (!(moved.theta > -kPi && moved.theta < kPi)) {
-      return FailedPreconditionError("disagree about a relative pose of the neighbours by " +
-                                     std::to_string(moved.theta) + " rad, must be less than pi");
+      return FailedPreconditionError(
+          "constraints disagree about a relative pose of the neighbours by " +
+          std::to_string(moved.theta) + " rad, must be less than pi");
     }
     constraint.first_from_node.push_back(first_from_map * graph.map_from_node[nodes[i]] * moved);
     const double cosine = Cos(moved.theta);
@@ -311,11 +311,12 @@ class NeighbourTree {
 };
 
 Status RefuseTree(const Star& star, Eigen::Index rank, const MarginalOptions& options) {
-  return FailedPreconditionError(
-      "determine " + std::to_string(rank) + " of " + std::to_string(star.scale.size()) +
-      " numbers of the relative poses of " + std::to_string(star.neighbours.size()) +
-      " neighbours; must be all where there are more than " +
-      std::to_string(options.dense_neighbours_max) + " neighbours");
+  return FailedPreconditionError("its constraints determine " + std::to_string(rank) + " of " +
+                                 std::to_string(star.scale.size()) +
+                                 " numbers of the relative poses of " +
+                                 std::to_string(star.neighbours.size()) +
+                                 " neighbours; must be all where there are more than " +
+                                 std::to_string(options.dense_neighbours_max) + " neighbours");
 }
 
 // Both forms have the same gradient at the present poses: with T from the neighbours to the edges,
@@ -336,8 +337,10 @@ StatusOr<NodeMarginal> SparseMarginal(const PoseGraph& graph,
   for (std::size_t i = 0; i < tree.edges().size(); ++i) {
     const Edge& edge = tree.edges()[i];
     const Eigen::LLT<Eigen::Matrix3d> factor(edge.covariance);
-    if (factor.info() != Eigen::Success) {  // too ill-conditioned to be told from singular
-      return RefuseTree(star, rank - 1, options);
+    if (factor.info() != Eigen::Success) {
+      return FailedPreconditionError(
+          "its constraints give two of its " + std::to_string(star.neighbours.size()) +
+          " neighbours a relative pose whose covariance cannot be told from a singular one");
     }
     const Eigen::Matrix3d information = factor.solve(Eigen::Matrix3d::Identity());
     const Eigen::Vector3d shift = edge.covariance * b.segment<3>(3 * static_cast<Eigen::Index>(i));
@@ -365,9 +368,9 @@ StatusOr<NodeMarginal> DenseMarginal(const PoseGraph& graph, const Star& star) {
 
 }  // namespace
 
-StatusOr<NodeMarginal> MarginalOf(const PoseGraph& graph,
-                                  std::uint32_t node,
-                                  const MarginalOptions& options) {
+StatusOr<NodeMarginal> UnnamedMarginalOf(const PoseGraph& graph,
+                                         std::uint32_t node,
+                                         const MarginalOptions& options) {
   LOCI_RETURN_IF_ERROR(CheckNode(graph, node));
   std::vector<std::uint32_t> neighbours = NeighboursOf(graph, node);
   const std::size_t count = neighbours.size();
@@ -375,12 +378,17 @@ StatusOr<NodeMarginal> MarginalOf(const PoseGraph& graph,
     return NodeMarginal{};
   }
   const Star star = StarOf(graph, node, std::move(neighbours), options.kernel);
-  StatusOr<NodeMarginal> marginal = count <= std::max<std::size_t>(2, options.dense_neighbours_max)
-                                        ? DenseMarginal(graph, star)
-                                        : SparseMarginal(graph, star, options);
+  return count <= std::max<std::size_t>(2, options.dense_neighbours_max)
+             ? DenseMarginal(graph, star)
+             : SparseMarginal(graph, star, options);
+}
+
+StatusOr<NodeMarginal> MarginalOf(const PoseGraph& graph,
+                                  std::uint32_t node,
+                                  const MarginalOptions& options) {
+  StatusOr<NodeMarginal> marginal = UnnamedMarginalOf(graph, node, options);
   if (!marginal.ok()) {
-    return Status(marginal.status().code(),
-                  NameOf(node) + ": its constraints " + marginal.status().message());
+    return Status(marginal.status().code(), NameOf(node) + ": " + marginal.status().message());
   }
   return marginal;
 }
@@ -397,12 +405,7 @@ StatusOr<JointConstraint> SumOf(const PoseGraph& graph,
   for (const JointConstraint& constraint : constraints) {
     form.Add(constraint);
   }
-  StatusOr<JointConstraint> sum =
-      ConstraintAt(graph, nodes, form.form().h, Minimum(form.form(), form.form().h.diagonal()));
-  if (!sum.ok()) {
-    return Status(sum.status().code(), "joint constraints " + sum.status().message());
-  }
-  return sum;
+  return ConstraintAt(graph, nodes, form.form().h, Minimum(form.form(), form.form().h.diagonal()));
 }
 
 Status MarginaliseNode(std::uint32_t node, const MarginalOptions& options, PoseGraph& graph) {

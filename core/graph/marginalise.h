@@ -58,6 +58,11 @@ StatusOr<NodeMarginal> MarginalOf(const PoseGraph& graph,
                                   std::uint32_t node,
                                   const MarginalOptions& options);
 
+// The same, and messages that do not name the node: for those who know it by another number.
+StatusOr<NodeMarginal> UnnamedMarginalOf(const PoseGraph& graph,
+                                         std::uint32_t node,
+                                         const MarginalOptions& options);
+
 // One constraint over all the nodes of some, which are one or more: their sum as it is linearised
 // at the present poses, less the chi2 that no pose can change. kFailedPrecondition if they disagree
 // by half a turn or more.

@@ -22,7 +22,8 @@ Eigen::Index RankOf(const Eigen::MatrixXd& h, const Eigen::VectorXd& scale);
 Eigen::MatrixXd PseudoInverse(const Eigen::MatrixXd& h, const Eigen::VectorXd& scale);
 
 // The form of the first `kept` variables that remains when the others take the value that is best
-// for each value of these (Schur complement). Directions that become unknown are exactly so.
+// for each value of these (Schur complement). Directions that become unknown are exactly so: those
+// in which no more is left than rounding may leave, and at most 1e-12 of what was there.
 Quadratic MinimisedOverRest(const Quadratic& form, Eigen::Index kept);
 
 }  // namespace loci

@@ -241,6 +241,29 @@ TEST(MarginaliseTest, InformationOfZeroLeavesZeroAndTheComponentWhole) {
   }
 }
 
+TEST(MarginaliseTest, AWeakConstraintBesideAStiffOneCountsWhicheverNodeComesFirst) {
+  for (const bool weak_first : {false, true}) {
+    SCOPED_TRACE(weak_first);
+    PoseGraph graph;
+    graph.map_from_node = {Pose2{}, Pose2{0.2, 0.0, 0.5}, Pose2{0.0, 0.1, -0.5}};
+    for (const std::uint32_t node : {1U, 2U}) {
+      const double information = (node == 1) == weak_first ? 1e-3 : 1e10;
+      graph.constraints.push_back(
+          {0, node, graph.map_from_node[node], information * Eigen::Matrix3d::Identity(), false});
+    }
+    // The node moves with the stiff neighbour: what the weak constraint says of it is said of that.
+    const Pose2 first_from_second = Inverse(graph.map_from_node[1]) * graph.map_from_node[2];
+    const Eigen::Matrix3d seen =
+        weak_first ? Adjoint(first_from_second) : Eigen::Matrix3d::Identity().eval();
+    const Eigen::Matrix3d expected = 1e-3 * seen.transpose() * seen;
+    ASSERT_THAT(MarginaliseNode(0, MarginalOptions{}, graph), IsOk());
+    ASSERT_EQ(graph.constraints.size(), 1U);
+    EXPECT_LT(Difference(graph.constraints[0].from_from_to, first_from_second), 1e-9);
+    EXPECT_LT((graph.constraints[0].information - expected).norm(), 0.05 * expected.norm())
+        << graph.constraints[0].information;
+  }
+}
+
 TEST(MarginaliseTest, ASumOfConstraintsTakesTheSameStep) {
   PoseGraph graph = Wheel(439, 4);
   RandomSequence random(440);
@@ -441,7 +464,7 @@ TEST(MarginaliseTest, WhatCannotGoIsRefusedByNameAndTheGraphStays) {
     g.points_in_map.resize(1);
     g.point_constraints.resize(1);
   });
-  refuses(StatusCode::kInvalidArgument, "constraints[4]: joins node 0", [](PoseGraph& g) {
+  refuses(StatusCode::kInvalidArgument, "node 0: constraints[4] joins it", [](PoseGraph& g) {
     g.constraints[4].from = 0;
     g.constraints[4].to = 0;
   });
@@ -456,7 +479,7 @@ TEST(MarginaliseTest, WhatCannotGoIsRefusedByNameAndTheGraphStays) {
       }
     }
   });
-  refuses(kPrecondition, "disagree about", [](PoseGraph& g) {
+  refuses(kPrecondition, "node 0: constraints disagree about", [](PoseGraph& g) {
     g.constraints.resize(2);
     // By four radians along the way from one neighbour to the other.
     for (GraphConstraint& constraint : g.constraints) {
