@@ -92,11 +92,8 @@ void IncrementalOptimizer::AddJoint(JointConstraint joint) {
   for (std::size_t i = 0; i < joint.nodes.size(); ++i) {
     nodes_[joint.nodes[i]].joints.push_back(index);
     if (i > 0) {
-      const auto at = 3 * static_cast<Eigen::Index>(i - 1);
-      const double information_per_m2 = joint.information.block<2, 2>(at, at).trace();
-      const Eigen::Vector2d reach = joint.first_from_node[i - 1].translation();
-      Stiffen(joint.nodes[i], information_per_m2, reach);
-      Stiffen(joint.nodes[0], information_per_m2, reach);
+      StiffenBy(joint, i, joint.nodes[i]);
+      StiffenBy(joint, i, joint.nodes[0]);
     }
   }
   graph_.joint_constraints[index] = std::move(joint);
@@ -107,6 +104,7 @@ void IncrementalOptimizer::RemoveJoint(std::uint32_t index) {
   const JointConstraint joint = std::exchange(graph_.joint_constraints[index], {});
   for (const std::uint32_t node : joint.nodes) {
     std::erase(nodes_[node].joints, index);
+    StiffenAnew(node);
   }
   if (joint_terms_[index] != kNone) {
     tree_.RemoveTerm(std::exchange(joint_terms_[index], kNone));
@@ -114,11 +112,14 @@ void IncrementalOptimizer::RemoveJoint(std::uint32_t index) {
   free_joints_.push_back(index);
 }
 
-// A joint constraint that knows all nodes of this one, or some of them and no others.
-std::uint32_t IncrementalOptimizer::FindNested(const JointConstraint& joint) const {
+// A joint constraint that knows all nodes of this one, or some of them and no others, and is not
+// among those to be left apart.
+std::uint32_t IncrementalOptimizer::FindNested(const JointConstraint& joint,
+                                               const std::vector<std::uint32_t>& apart) const {
   for (const std::uint32_t node : joint.nodes) {
     for (const std::uint32_t index : nodes_[node].joints) {
-      if (Nest(graph_.joint_constraints[index], joint)) {
+      if (Nest(graph_.joint_constraints[index], joint) &&
+          std::find(apart.begin(), apart.end(), index) == apart.end()) {
         return index;
       }
     }
@@ -129,7 +130,9 @@ std::uint32_t IncrementalOptimizer::FindNested(const JointConstraint& joint) con
 // Makes one of this and of all that nest with it: else nodes that stay would gather more and more
 // of them from those that come and go around them.
 void IncrementalOptimizer::AddToJoints(JointConstraint joint) {
-  for (std::uint32_t index = FindNested(joint); index != kNone; index = FindNested(joint)) {
+  std::vector<std::uint32_t> apart;
+  for (std::uint32_t index = FindNested(joint, apart); index != kNone;
+       index = FindNested(joint, apart)) {
     const JointConstraint& other = graph_.joint_constraints[index];
     std::vector<std::uint32_t> nodes =
         other.nodes.size() > joint.nodes.size() ? other.nodes : joint.nodes;
@@ -137,7 +140,8 @@ void IncrementalOptimizer::AddToJoints(JointConstraint joint) {
     const StatusOr<JointConstraint> sum =
         SumOf(PresentPoses(nodes), {CutOut(joint, nodes), CutOut(other, nodes)});
     if (!sum.ok()) {  // they disagree by half a turn: better apart
-      break;
+      apart.push_back(index);
+      continue;
     }
     RemoveJoint(index);
     joint = PutBack(*sum, nodes);
@@ -207,11 +211,10 @@ StatusOr<NodeMarginal> IncrementalOptimizer::MarginalOfNode(
   for (const std::uint32_t index : nodes_[node].joints) {
     star.joint_constraints.push_back(CutOut(graph_.joint_constraints[index], nodes));
   }
-  StatusOr<NodeMarginal> marginal =
-      MarginalOf(star, PlaceOf(node, nodes), {options_.dense_neighbours_max, options_.kernel});
-  if (!marginal.ok()) {  // with the node's own name
-    const std::string& message = marginal.status().message();
-    return Status(marginal.status().code(), NameOf(node) + message.substr(message.find(':')));
+  StatusOr<NodeMarginal> marginal = UnnamedMarginalOf(
+      star, PlaceOf(node, nodes), {options_.dense_neighbours_max, options_.kernel});
+  if (!marginal.ok()) {
+    return Status(marginal.status().code(), NameOf(node) + ": " + marginal.status().message());
   }
   for (GraphConstraint& constraint : marginal->constraints) {
     constraint.from = nodes[constraint.from];

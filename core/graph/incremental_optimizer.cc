@@ -6,6 +6,7 @@
 #include <cmath>
 #include <set>
 #include <string>
+#include <unordered_set>
 #include <utility>
 
 #include "core/base/check.h"
@@ -59,6 +60,7 @@ std::uint32_t IncrementalOptimizer::AddPoint(const Eigen::Vector2d& point_in_map
 }
 
 std::uint32_t IncrementalOptimizer::AddConstraint(const GraphConstraint& constraint) {
+  LOCI_CHECK(IsThere(constraint.from) && IsThere(constraint.to));
   Join(constraint.from, constraint.to, &constraint.from_from_to);
   const auto index = static_cast<std::uint32_t>(graph_.constraints.size());
   graph_.constraints.push_back(constraint);
@@ -66,9 +68,7 @@ std::uint32_t IncrementalOptimizer::AddConstraint(const GraphConstraint& constra
   terms_.push_back(kNone);
   for (const std::uint32_t node : {constraint.from, constraint.to}) {
     nodes_[node].constraints.push_back(index);
-    Stiffen(node,
-            constraint.information.topLeftCorner<2, 2>().trace(),
-            constraint.from_from_to.translation());
+    StiffenBy(constraint, node);
   }
   MakeTerm(index);
   recent_ = updated_ ? std::vector<std::uint32_t>() : std::move(recent_);
@@ -83,6 +83,7 @@ std::uint32_t IncrementalOptimizer::AddConstraint(const GraphConstraint& constra
 }
 
 std::uint32_t IncrementalOptimizer::AddConstraint(const PointConstraint& constraint) {
+  LOCI_CHECK(IsThere(constraint.from));
   Point& point = points_[constraint.point];
   if (point.variable == kNone) {
     point.variable = AddVariable(2, {constraint.point, true});
@@ -93,7 +94,7 @@ std::uint32_t IncrementalOptimizer::AddConstraint(const PointConstraint& constra
   graph_.point_constraints.push_back(constraint);
   point.point_constraints.push_back(index);
   nodes_[constraint.from].point_constraints.push_back(index);
-  Stiffen(constraint.from, constraint.information.trace(), constraint.point_in_from);
+  StiffenBy(constraint);
   point_terms_.push_back(kNone);
   point_removed_.push_back(false);
   MakePointTerm(index);
@@ -101,6 +102,9 @@ std::uint32_t IncrementalOptimizer::AddConstraint(const PointConstraint& constra
 }
 
 void IncrementalOptimizer::AddConstraint(const JointConstraint& constraint) {
+  LOCI_CHECK(std::all_of(constraint.nodes.begin(),
+                         constraint.nodes.end(),
+                         [this](std::uint32_t node) { return IsThere(node); }));
   for (std::size_t i = 1; i < constraint.nodes.size(); ++i) {
     Join(constraint.nodes.front(), constraint.nodes[i], &constraint.first_from_node[i - 1]);
   }
@@ -110,8 +114,10 @@ void IncrementalOptimizer::AddConstraint(const JointConstraint& constraint) {
 void IncrementalOptimizer::Detach(std::uint32_t index, ConstraintState state) {
   const GraphConstraint& constraint = graph_.constraints[index];
   states_[index] = state;
-  std::erase(nodes_[constraint.from].constraints, index);
-  std::erase(nodes_[constraint.to].constraints, index);
+  for (const std::uint32_t node : {constraint.from, constraint.to}) {
+    std::erase(nodes_[node].constraints, index);
+    StiffenAnew(node);
+  }
   if (terms_[index] != kNone) {
     tree_.RemoveTerm(std::exchange(terms_[index], kNone));
   }
@@ -141,6 +147,7 @@ Status IncrementalOptimizer::RemovePointConstraint(std::uint32_t index) {
   Point& point = points_[constraint.point];
   point_removed_[index] = true;
   std::erase(nodes_[constraint.from].point_constraints, index);
+  StiffenAnew(constraint.from);
   std::erase(point.point_constraints, index);
   tree_.RemoveTerm(std::exchange(point_terms_[index], kNone));
   if (point.point_constraints.empty()) {
@@ -187,43 +194,84 @@ void IncrementalOptimizer::Join(std::uint32_t from, std::uint32_t to, const Pose
   components_[stays].fixed += components_[moves].fixed;
 }
 
-// All nodes of a component, ascending.
-std::vector<std::uint32_t> IncrementalOptimizer::ConnectedTo(std::uint32_t node) const {
-  std::vector<std::uint32_t> found{node};
-  std::set<std::uint32_t> seen{node};
-  std::set<std::uint32_t> points;
-  const auto reach = [&](std::uint32_t other) {
-    if (seen.insert(other).second) {
-      found.push_back(other);
+// Breadth first, from one node to all that it is connected to.
+class IncrementalOptimizer::Search {
+ public:
+  Search(const IncrementalOptimizer& optimizer, std::uint32_t node)
+      : optimizer_(optimizer), found_{node}, seen_{node} {}
+
+  bool is_done() const { return next_ == found_.size(); }
+  bool HasFound(std::uint32_t node) const { return seen_.contains(node); }
+  const std::vector<std::uint32_t>& found() const { return found_; }  // in the order of the search
+
+  // Goes on from the next node that has been found; calls `on_found` for each new one.
+  template <typename OnFound>
+  void Advance(const OnFound& on_found) {
+    const auto reach = [&](std::uint32_t other) {
+      if (seen_.insert(other).second) {
+        found_.push_back(other);
+        on_found(other);
+      }
+    };
+    const PoseGraph& graph = optimizer_.graph_;
+    const Node& node = optimizer_.nodes_[found_[next_++]];
+    for (const std::uint32_t index : node.constraints) {
+      reach(graph.constraints[index].from);
+      reach(graph.constraints[index].to);
     }
-  };
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    for (const std::uint32_t index : nodes_[found[i]].constraints) {
-      reach(graph_.constraints[index].from);
-      reach(graph_.constraints[index].to);
-    }
-    for (const std::uint32_t index : nodes_[found[i]].joints) {
-      const std::vector<std::uint32_t>& joined = graph_.joint_constraints[index].nodes;
+    for (const std::uint32_t index : node.joints) {
+      const std::vector<std::uint32_t>& joined = graph.joint_constraints[index].nodes;
       std::for_each(joined.begin(), joined.end(), reach);
     }
-    for (const std::uint32_t index : nodes_[found[i]].point_constraints) {
-      const std::uint32_t point = graph_.point_constraints[index].point;
-      if (points.insert(point).second) {
-        for (const std::uint32_t other : points_[point].point_constraints) {
-          reach(graph_.point_constraints[other].from);
+    for (const std::uint32_t index : node.point_constraints) {
+      const std::uint32_t point = graph.point_constraints[index].point;
+      if (points_.insert(point).second) {
+        for (const std::uint32_t other : optimizer_.points_[point].point_constraints) {
+          reach(graph.point_constraints[other].from);
         }
       }
     }
   }
+
+ private:
+  const IncrementalOptimizer& optimizer_;
+  std::vector<std::uint32_t> found_;
+  std::size_t next_ = 0;
+  std::unordered_set<std::uint32_t> seen_;
+  std::unordered_set<std::uint32_t> points_;
+};
+
+// All nodes of a component, ascending.
+std::vector<std::uint32_t> IncrementalOptimizer::ConnectedTo(std::uint32_t node) const {
+  Search search(*this, node);
+  while (!search.is_done()) {
+    search.Advance([](std::uint32_t) {});
+  }
+  std::vector<std::uint32_t> found = search.found();
   std::sort(found.begin(), found.end());
   return found;
 }
 
+// From both in turn: the ends of a constraint are near each other, if others join them, and of two
+// parts that have come apart the smaller one says so.
+bool IncrementalOptimizer::AreConnected(std::uint32_t a, std::uint32_t b) const {
+  if (a == b) {
+    return true;
+  }
+  Search from_a(*this, a);
+  Search from_b(*this, b);
+  bool met = false;
+  while (!met && !from_a.is_done() && !from_b.is_done()) {
+    from_a.Advance([&](std::uint32_t node) { met = met || from_b.HasFound(node); });
+    from_b.Advance([&](std::uint32_t node) { met = met || from_a.HasFound(node); });
+  }
+  return met;
+}
+
 // The ends of what has been removed.
 void IncrementalOptimizer::RegroupIfApart(std::uint32_t a, std::uint32_t b) {
-  const std::vector<std::uint32_t> side_of_a = ConnectedTo(a);
-  if (!std::binary_search(side_of_a.begin(), side_of_a.end(), b)) {
-    Regroup(side_of_a);
+  if (!AreConnected(a, b)) {
+    Regroup(ConnectedTo(a));
     Regroup(ConnectedTo(b));
   }
 }
@@ -361,6 +409,46 @@ void IncrementalOptimizer::Stiffen(std::uint32_t node,
                                    const Eigen::Vector2d& reach) {
   nodes_[node].stiffness = std::max(nodes_[node].stiffness, std::sqrt(information_per_m2));
   nodes_[node].reach_m = std::max(nodes_[node].reach_m, reach.norm());
+}
+
+void IncrementalOptimizer::StiffenBy(const GraphConstraint& constraint, std::uint32_t node) {
+  Stiffen(node,
+          constraint.information.topLeftCorner<2, 2>().trace(),
+          constraint.from_from_to.translation());
+}
+
+void IncrementalOptimizer::StiffenBy(const PointConstraint& constraint) {
+  Stiffen(constraint.from, constraint.information.trace(), constraint.point_in_from);
+}
+
+// By what the constraint says of nodes[i], i > 0.
+void IncrementalOptimizer::StiffenBy(const JointConstraint& constraint,
+                                     std::size_t i,
+                                     std::uint32_t node) {
+  const auto at = 3 * static_cast<Eigen::Index>(i - 1);
+  Stiffen(node,
+          constraint.information.block<2, 2>(at, at).trace(),
+          constraint.first_from_node[i - 1].translation());
+}
+
+// From the constraints that it still has.
+void IncrementalOptimizer::StiffenAnew(std::uint32_t node) {
+  nodes_[node].stiffness = 0.0;
+  nodes_[node].reach_m = 0.0;
+  for (const std::uint32_t index : nodes_[node].constraints) {
+    StiffenBy(graph_.constraints[index], node);
+  }
+  for (const std::uint32_t index : nodes_[node].point_constraints) {
+    StiffenBy(graph_.point_constraints[index]);
+  }
+  for (const std::uint32_t index : nodes_[node].joints) {
+    const JointConstraint& joint = graph_.joint_constraints[index];
+    for (std::size_t i = 1; i < joint.nodes.size(); ++i) {
+      if (joint.nodes[i] == node || joint.nodes[0] == node) {
+        StiffenBy(joint, i, node);
+      }
+    }
+  }
 }
 
 bool IncrementalOptimizer::HasMoved(std::uint32_t variable) const {

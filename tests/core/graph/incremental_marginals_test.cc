@@ -127,6 +127,7 @@ TEST(IncrementalMarginalsTest, AfterAnyAdditionsRetractionsAndMarginalsItIsAtThe
     }
     IncrementalOptimizer optimizer(ExactOptions());
     std::vector<std::uint32_t> loops;
+    std::vector<bool> gone(150);
     std::size_t marginalised = 0;
     std::size_t retracted = 0;
     for (std::uint32_t node = 0; node < 150; ++node) {
@@ -146,10 +147,17 @@ TEST(IncrementalMarginalsTest, AfterAnyAdditionsRetractionsAndMarginalsItIsAtThe
       }
       // Not those that the loops of nodes to come will name.
       if (node > 45 && random.NextBits() % 2 == 0) {
-        const Status status =
-            optimizer.MarginaliseNode(static_cast<std::uint32_t>(random.NextBits() % (node - 24)));
-        marginalised += status.ok() ? 1U : 0U;
-        EXPECT_TRUE(status.ok() || status.code() != StatusCode::kInvalidArgument);
+        const auto going = static_cast<std::uint32_t>(random.NextBits() % (node - 24));
+        const Status status = optimizer.MarginaliseNode(going);
+        if (gone[going]) {
+          EXPECT_THAT(status, IsStatus(StatusCode::kNotFound, "is not there"));
+        } else if (whole.IsFixed(going)) {
+          EXPECT_THAT(status, IsStatus(StatusCode::kFailedPrecondition, "is fixed"));
+        } else {
+          EXPECT_THAT(status, IsOk());
+          gone[going] = true;
+          ++marginalised;
+        }
       }
       if (node % 25 == 24) {
         ASSERT_TRUE(optimizer.Update().converged);
@@ -425,6 +433,39 @@ TEST(IncrementalMarginalsTest, ALongRunStaysAsLargeAsWhatItKeeps) {
   for (std::uint32_t node = 0; node < kNodes; ++node) {
     EXPECT_LT(Difference(graph.map_from_node[node], optimum.map_from_node[node]), 0.05) << node;
   }
+}
+
+TEST(IncrementalMarginalsTest, NothingCanBeTiedToANodeThatHasGone) {
+  IncrementalOptimizer optimizer(ExactOptions());
+  AddAllOf(RandomLoopGraph(534, 10), optimizer);
+  optimizer.AddPoint({});
+  ASSERT_THAT(optimizer.MarginaliseNode(9), IsOk());
+  EXPECT_DEATH(optimizer.AddConstraint(GraphConstraint{3, 9, {}, {}, false}), "IsThere");
+  EXPECT_DEATH(optimizer.AddConstraint(GraphConstraint{9, 3, {}, {}, false}), "IsThere");
+  EXPECT_DEATH(optimizer.AddConstraint(GraphConstraint{3, 10, {}, {}, false}), "IsThere");
+  EXPECT_DEATH(optimizer.AddConstraint(PointConstraint{9, 0, {}, {}, false}), "IsThere");
+  const JointConstraint joint{{2, 3, 9}, {{}, {}}, Eigen::MatrixXd::Identity(6, 6)};
+  EXPECT_DEATH(optimizer.AddConstraint(joint), "IsThere");
+}
+
+TEST(IncrementalMarginalsTest, WhatCannotBeAddedUpDoesNotKeepTheOthersApart) {
+  IncrementalOptimizer optimizer(ExactOptions());
+  for (std::uint32_t node = 0; node < 3; ++node) {
+    optimizer.AddNode({}, false);
+  }
+  // Knows that x + theta is 0: with an x of -5, it is off by more than half a turn.
+  const Eigen::Vector3d known(1.0, 0.0, 1.0);
+  optimizer.AddConstraint(JointConstraint{{0, 1}, {Pose2{}}, known * known.transpose()});
+  optimizer.AddConstraint(JointConstraint{{0, 1}, {Pose2{}}, Eigen::Matrix3d::Identity()});
+  optimizer.AddConstraint(GraphConstraint{0, 2, {}, 1e3 * Eigen::Matrix3d::Identity(), false});
+  const Eigen::Matrix3d of_x = Eigen::Vector3d(1e3, 0.0, 0.0).asDiagonal();
+  optimizer.AddConstraint(GraphConstraint{2, 1, {-5.0, 0.0, 0.0}, of_x, false});
+  ASSERT_THAT(optimizer.MarginaliseNode(2), IsOk());
+  EXPECT_EQ(optimizer.Size().joints, 2U);
+  const PoseGraph graph = optimizer.Graph();
+  ASSERT_EQ(graph.constraints.size(), 2U);
+  EXPECT_EQ(graph.constraints[0].information, known * known.transpose());
+  EXPECT_NEAR(graph.constraints[1].information(0, 0), 501.0, 1e-9);
 }
 
 TEST(IncrementalMarginalsTest, TheSameCallsGiveTheSameBits) {

@@ -127,6 +127,60 @@ TEST(IncrementalOptimizerTest, ARemovedConstraintLeavesTheGraphThatNeverHadIt) {
   EXPECT_NEAR(Chi2(with.Graph()), chi2, 1e-6 * chi2);
 }
 
+TEST(IncrementalOptimizerTest, ARemovedConstraintNoLongerDecidesWhatIsLinearisedAgain) {
+  std::vector<std::size_t> relinearised;
+  for (const bool had_it : {false, true}) {
+    IncrementalOptimizer optimizer((IncrementalOptions()));
+    PoseGraph whole = RandomLoopGraph(7, 100);
+    Replay(whole, optimizer, [](std::uint32_t, const UpdateSummary&) {});
+    for (int i = 0; i < 20; ++i) {
+      optimizer.Update();
+    }
+    if (had_it) {  // stiff, and far
+      const std::uint32_t index = optimizer.AddConstraint(
+          GraphConstraint{5, 77, {1000.0, 0.0, 0.0}, 1e8 * Eigen::Matrix3d::Identity(), false});
+      ASSERT_THAT(optimizer.RemoveConstraint(index), IsOk());
+    }
+    const Pose2 now = Inverse(optimizer.map_from_node(3)) * optimizer.map_from_node(79);
+    optimizer.AddConstraint(GraphConstraint{
+        3, 79, now * Pose2{0.01, 0.01, 0.001}, 100.0 * Eigen::Matrix3d::Identity(), false});
+    relinearised.push_back(optimizer.Update().relinearised);
+  }
+  EXPECT_EQ(relinearised[0], relinearised[1]);
+}
+
+TEST(IncrementalOptimizerTest, APairThatAPointStillJoinsStaysTogether) {
+  // 0 and 1 are joined by a constraint and by points through 2; the constraint goes.
+  IncrementalOptimizer optimizer(ExactOptions());
+  for (std::uint32_t node = 0; node < 4; ++node) {
+    optimizer.AddNode({1.0 * node, 0.0, 0.0}, false);
+  }
+  const Eigen::Matrix3d information = 100.0 * Eigen::Matrix3d::Identity();
+  const std::uint32_t direct =
+      optimizer.AddConstraint(GraphConstraint{0, 1, {1.0, 0.0, 0.0}, information, false});
+  optimizer.AddConstraint(GraphConstraint{1, 2, {1.0, 0.0, 0.0}, information, false});
+  const std::uint32_t tail =
+      optimizer.AddConstraint(GraphConstraint{1, 3, {2.0, 0.0, 0.0}, information, false});
+  for (std::uint32_t point = 0; point < 2; ++point) {
+    const Eigen::Vector2d at(1.0, point == 0 ? 3.0 : -3.0);
+    optimizer.AddPoint(at);
+    for (const std::uint32_t node : {0U, 2U}) {
+      optimizer.AddConstraint(PointConstraint{
+          node, point, at - Eigen::Vector2d(node, 0.0), Eigen::Matrix2d::Identity(), false});
+    }
+  }
+  ASSERT_TRUE(optimizer.Update().converged);
+  ASSERT_THAT(optimizer.RemoveConstraint(direct), IsOk());
+  ASSERT_THAT(optimizer.RemoveConstraint(tail), IsOk());
+  optimizer.AddConstraint(GraphConstraint{0, 2, {4.0, 0.0, 0.0}, information, false});
+  optimizer.AddConstraint(GraphConstraint{0, 2, {4.0, 0.0, 0.0}, 1e4 * information, false});
+  ASSERT_TRUE(optimizer.Update().converged);
+  EXPECT_NEAR(optimizer.map_from_node(1).x, 3.0, 0.1) << "is not held, and goes with 2";
+  EXPECT_EQ(optimizer.map_from_node(0), Pose2{});
+  const Pose2 alone = optimizer.map_from_node(3);
+  EXPECT_NEAR(alone.x, 3.0, 1e-9) << "is held where it was";
+}
+
 TEST(IncrementalOptimizerTest, PointsAreMovedWithTheNodesThatSeeThem) {
   RandomSequence random(9);
   PoseGraph graph = RandomLoopGraph(5, 60);
