@@ -7,17 +7,17 @@
 // in turn, median of five. Reads the public graphs (tests/support/datasets.h) and skips those that
 // are missing.
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "bench/contestants.h"
 #include "bench/interleaved.h"
-#include "core/graph/g2o_format.h"
+#include "bench/public_graph.h"
 #include "core/graph/graph_start.h"
 #include "core/graph/space_problem.h"
 #include "core/graph/sparse_optimizer.h"
 #include "tests/core/graph/random_graph.h"
-#include "tests/support/datasets.h"
 #ifdef LOCI_HAVE_CERES
 #include "clients/cli/ceres/ceres_optimizer.h"
 #endif
@@ -89,14 +89,8 @@ void RunAll() {
                            Case{"intel_g2o", GraphStart::kGiven},
                            Case{"parking-garage", GraphStart::kGiven},
                            Case{"sphere2500", GraphStart::kGiven}}) {
-    const StatusOr<std::string> text = ReadDataset("graphs/" + each.name + ".g2o.gz");
-    if (!text.ok()) {
-      std::printf("skipped: %s\n", text.status().message().c_str());
-      continue;
-    }
-    StatusOr<G2oGraph> parsed = ParseG2o(*text);
-    if (!parsed.ok()) {
-      std::printf("%s: %s\n", each.name.c_str(), parsed.status().ToString().c_str());
+    std::optional<G2oGraph> parsed = ReadPublicGraph(each.name);
+    if (!parsed.has_value()) {
       continue;
     }
     const auto measure = [&](auto& graph) {

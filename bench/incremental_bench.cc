@@ -10,18 +10,19 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "bench/contestants.h"
 #include "bench/interleaved.h"
-#include "core/graph/g2o_format.h"
+#include "bench/public_graph.h"
 #include "core/graph/graph_start.h"
 #include "core/graph/incremental_optimizer.h"
+#include "core/graph/recording_order.h"
 #include "core/graph/sparse_optimizer.h"
 #include "tests/core/graph/random_graph.h"
-#include "tests/support/datasets.h"
 #ifdef LOCI_HAVE_CERES
 #include "clients/cli/ceres/ceres_optimizer.h"
 #endif
@@ -32,44 +33,19 @@ namespace {
 constexpr double kNear = 1.001;
 constexpr std::size_t kCheckpoints = 20;
 
-// The constraints of each node to those before it.
-std::vector<std::vector<GraphConstraint>> ByLaterNode(const PoseGraph& graph) {
-  std::vector<std::vector<GraphConstraint>> constraints(graph.map_from_node.size());
-  for (const GraphConstraint& constraint : graph.constraints) {
-    constraints[std::max(constraint.from, constraint.to)].push_back(constraint);
-  }
-  return constraints;
-}
-
-// Where a new node is, by its constraint to the latest node before it.
-Pose2 PlacedBy(const std::vector<GraphConstraint>& constraints,
-               std::uint32_t node,
-               const Pose2& given,
-               const IncrementalOptimizer& optimizer) {
-  if (constraints.empty()) {
-    return given;
-  }
-  const auto latest = std::max_element(constraints.begin(),
-                                       constraints.end(),
-                                       [](const GraphConstraint& a, const GraphConstraint& b) {
-                                         return std::min(a.from, a.to) < std::min(b.from, b.to);
-                                       });
-  return latest->to == node ? optimizer.map_from_node(latest->from) * latest->from_from_to
-                            : optimizer.map_from_node(latest->to) * Inverse(latest->from_from_to);
-}
-
 void Measure(const std::string& name, const PoseGraph& whole) {
-  const std::vector<std::vector<GraphConstraint>> constraints = ByLaterNode(whole);
+  const RecordingOrder order(whole);
   IncrementalOptimizer optimizer((IncrementalOptions()));
   std::vector<double> seconds;
   double worst = 1.0;
   const std::size_t count = whole.map_from_node.size();
   for (std::uint32_t node = 0; node < count; ++node) {
     const double begin = ThreadSeconds();
-    optimizer.AddNode(PlacedBy(constraints[node], node, whole.map_from_node[node], optimizer),
-                      false);
-    for (const GraphConstraint& constraint : constraints[node]) {
-      optimizer.AddConstraint(constraint);
+    const Pose2 place =
+        order.PlaceOf(node, [&](std::uint32_t other) { return optimizer.map_from_node(other); });
+    optimizer.AddNode(place, false);
+    for (const std::uint32_t index : order.Constraints(node)) {
+      optimizer.AddConstraint(whole.constraints[index]);
     }
     optimizer.Update();
     seconds.push_back(ThreadSeconds() - begin);
@@ -127,14 +103,8 @@ void RunAll() {
   for (const auto& [name, start] :
        {std::pair<std::string, GraphStart>{"manhattanOlson3500", GraphStart::kOdometry},
         {"city10000", GraphStart::kTree}}) {
-    const StatusOr<std::string> text = ReadDataset("graphs/" + name + ".g2o.gz");
-    if (!text.ok()) {
-      std::printf("skipped: %s\n", text.status().message().c_str());
-      continue;
-    }
-    StatusOr<G2oGraph> parsed = ParseG2o(*text);
-    if (!parsed.ok()) {
-      std::printf("%s: %s\n", name.c_str(), parsed.status().ToString().c_str());
+    std::optional<G2oGraph> parsed = ReadPublicGraph(name);
+    if (!parsed.has_value()) {
       continue;
     }
     PlaceAtStart(start, parsed->plane);

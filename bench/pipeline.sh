@@ -9,53 +9,13 @@
 set -euo pipefail
 shopt -s nullglob
 cd "$(dirname "$0")/.."
-bin=$PWD/build/release/bin
-for program in locid loci; do
-  [ -x "$bin/$program" ] || { echo "pipeline.sh: build the release preset first: $bin/$program is missing" >&2; exit 1; }
-done
-command -v jq > /dev/null || { echo "pipeline.sh: jq is missing: ./deploy/setup.sh" >&2; exit 1; }
+source bench/server.sh
 logs=("$@")
 if [ ${#logs[@]} -eq 0 ]; then
   data=${LOCI_DATASETS:-../shared/datasets}/carmen
   logs=("$data"/*.clf "$data"/*.clf.gz "$data"/*.clf.bz2)
   [ ${#logs[@]} -gt 0 ] || { echo "pipeline.sh: $data has no logs; skipped"; exit 0; }
 fi
-
-work=$(mktemp -d "${TMPDIR:-/tmp}/loci-pipeline.XXXXXX")
-server_pid=
-clean_up() {
-  [ -z "$server_pid" ] || kill "$server_pid" 2> /dev/null || true
-  wait 2> /dev/null || true
-  rm -rf "$work"
-}
-trap clean_up EXIT
-trap 'exit 130' INT TERM
-
-fail() {
-  echo "pipeline.sh: $*" >&2
-  cat "$work/locid.log" >&2
-  exit 1
-}
-
-# Starts a server with the data of the log that is measured, on free ports.
-start_server() {
-  : > "$work/locid.out"
-  "$bin/locid" --data "$work/data" --listen tcp://127.0.0.1:0 --http off \
-    > "$work/locid.out" 2> "$work/locid.log" &
-  server_pid=$!
-  until grep -q '^listening ' "$work/locid.out"; do
-    kill -0 "$server_pid" 2> /dev/null || fail "the server did not start"
-    sleep 0.05
-  done
-  LOCI_SERVER=$(sed -n 's/^listening rpc=\([^ ]*\).*/\1/p' "$work/locid.out")
-  export LOCI_SERVER
-}
-
-stop_server() {
-  kill -TERM "$server_pid"
-  wait "$server_pid" || fail "the server did not stop cleanly"
-  server_pid=
-}
 
 # area_of NAME: square metres of the grid NAME.pgm with NAME.yaml that are not unknown (205).
 area_of() {

@@ -10,16 +10,16 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 
 #include "bench/interleaved.h"
-#include "core/graph/g2o_format.h"
+#include "bench/public_graph.h"
 #include "core/graph/robust_optimize.h"
 #include "core/graph/toro_tree.h"
 #include "tests/core/graph/false_closures.h"
-#include "tests/support/datasets.h"
 
 namespace loci {
 namespace {
@@ -82,14 +82,8 @@ void RunAll(const Wanted& wanted) {
     if (!wanted.graph.empty() && wanted.graph != name) {
       continue;
     }
-    const StatusOr<std::string> text = ReadDataset("graphs/" + name + ".g2o.gz");
-    if (!text.ok()) {
-      std::printf("skipped: %s\n", text.status().message().c_str());
-      continue;
-    }
-    StatusOr<G2oGraph> parsed = ParseG2o(*text);
-    if (!parsed.ok()) {
-      std::printf("%s: %s\n", name.c_str(), parsed.status().ToString().c_str());
+    std::optional<G2oGraph> parsed = ReadPublicGraph(name);
+    if (!parsed.has_value()) {
       continue;
     }
     MeasureAll(name, std::move(parsed->plane), 1000, wanted);

@@ -6,48 +6,14 @@
 #   bench/simulated.sh [SCENARIO...]      default: all of `loci simulate --help`
 set -euo pipefail
 cd "$(dirname "$0")/.."
-bin=$PWD/build/release/bin
-for program in locid loci; do
-  [ -x "$bin/$program" ] || { echo "simulated.sh: build the release preset first: $bin/$program is missing" >&2; exit 1; }
-done
-command -v jq > /dev/null || { echo "simulated.sh: jq is missing: ./deploy/setup.sh" >&2; exit 1; }
+source bench/server.sh
 scenarios=("$@")
 [ ${#scenarios[@]} -gt 0 ] || scenarios=(office office-days loop self-similar long-corridor)
-
-work=$(mktemp -d "${TMPDIR:-/tmp}/loci-simulated.XXXXXX")
-server_pid=
-clean_up() {
-  [ -z "$server_pid" ] || kill "$server_pid" 2> /dev/null || true
-  wait 2> /dev/null || true
-  rm -rf "$work"
-}
-trap clean_up EXIT
-trap 'exit 130' INT TERM
-
-fail() {
-  echo "simulated.sh: $*" >&2
-  cat "$work/locid.log" >&2
-  exit 1
-}
-
-start_server() {
-  rm -rf "$work/data"
-  : > "$work/locid.out"
-  "$bin/locid" --data "$work/data" --listen tcp://127.0.0.1:0 --http off \
-    > "$work/locid.out" 2> "$work/locid.log" &
-  server_pid=$!
-  until grep -q '^listening ' "$work/locid.out"; do
-    kill -0 "$server_pid" 2> /dev/null || fail "the server did not start"
-    sleep 0.05
-  done
-  LOCI_SERVER=$(sed -n 's/^listening rpc=\([^ ]*\).*/\1/p' "$work/locid.out")
-  export LOCI_SERVER
-}
 
 echo "| scenario | rms as it is | rms aligned | closures | IoU where known | IoU everywhere |"
 echo "|---|---|---|---|---|---|"
 for scenario in "${scenarios[@]}"; do
-  rm -rf "$work/truth"
+  rm -rf "$work/truth" "$work/data"
   "$bin/loci" simulate "$scenario" --out "$work/truth" > /dev/null
   start_server
   jq -r '.runs[] | [.session, .robot, .log, .truth, (.start | map(tostring) | join(","))] | @tsv' \
@@ -72,7 +38,5 @@ for scenario in "${scenarios[@]}"; do
     [$scenario, rms(.translation_m.rms), rms(.aligned_translation_m.rms), $info[0].closures,
      ($grid[0].iou | rounded), ($grid[0].iou_everywhere | rounded)]
     | "| " + (map(tostring) | join(" | ")) + " |"'
-  kill -TERM "$server_pid"
-  wait "$server_pid" || fail "the server did not stop cleanly"
-  server_pid=
+  stop_server
 done

@@ -11,13 +11,14 @@
 #include <cstdint>
 #include <cstdio>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "bench/contestants.h"
 #include "bench/interleaved.h"
-#include "core/graph/g2o_format.h"
+#include "bench/public_graph.h"
 #include "core/graph/recording_order.h"
 #include "core/graph/space_problem.h"
 #include "core/graph/space_toro.h"
@@ -28,7 +29,6 @@
 #include "tests/core/graph/growing_graph.h"
 #include "tests/core/graph/random_graph.h"
 #include "tests/core/graph/random_space_graph.h"
-#include "tests/support/datasets.h"
 
 namespace loci {
 namespace {
@@ -147,14 +147,8 @@ void RunTiny() {
 void RunAll() {
   for (const std::string name :
        {"manhattanOlson3500", "city10000", "sphere2500", "parking-garage"}) {
-    const StatusOr<std::string> text = ReadDataset("graphs/" + name + ".g2o.gz");
-    if (!text.ok()) {
-      std::printf("skipped: %s\n", text.status().message().c_str());
-      continue;
-    }
-    const StatusOr<G2oGraph> parsed = ParseG2o(*text);
-    if (!parsed.ok()) {
-      std::printf("%s: %s\n", name.c_str(), parsed.status().ToString().c_str());
+    const std::optional<G2oGraph> parsed = ReadPublicGraph(name);
+    if (!parsed.has_value()) {
       continue;
     }
     if (parsed->in_space()) {

@@ -71,7 +71,7 @@ struct ClosureClusters {
   // Of indices into closures; those that agree with the most others come first. Largest first.
   std::vector<std::vector<std::uint32_t>> clusters;
   // The part of the stated covariances that the errors really have, at most 1. Public graphs state
-  // up to fifty times too much, and a gate that believes them lets false closures pass.
+  // up to sixty times too much, and a gate that believes them lets false closures pass.
   double covariance_scale = 1.0;
 };
 

@@ -30,7 +30,8 @@ std::span<const GraphStart> StartsFor(const SpaceGraph& graph);
 
 // Puts the free nodes and points of a valid graph where the start says, and each component that is
 // tied to the map where its priors say. The given start places nothing. In space the start must be
-// one of StartsFor. Joint constraints are taken for their implied pairs (joint_constraint.h).
+// one of StartsFor. Joint constraints are taken for their implied pairs (joint_constraint.h). A
+// graph that is not sweepable (sweep_limit.h) stays on the tree where it should be swept.
 void PlaceAtStart(GraphStart start, PoseGraph& graph);
 void PlaceAtStart(GraphStart start, SpaceGraph& graph);
 

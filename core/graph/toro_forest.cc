@@ -102,8 +102,8 @@ void ToroForest::Rebuild(const std::vector<Pose2>& map_from_node,
   }
 }
 
-// Costs as much as a new start, but happens once for each tree. A fixed root stays, otherwise the
-// earlier one.
+// Costs a new start and a walk to the root from every node, but happens once for each tree. A fixed
+// root stays, otherwise the earlier one.
 void ToroForest::JoinTrees(const Edge& edge, std::uint32_t from_root, std::uint32_t to_root) {
   std::vector<Pose2> poses = Poses();
   const bool move_to = !nodes_[to_root].fixed && (nodes_[from_root].fixed || from_root < to_root);
@@ -160,8 +160,8 @@ void ToroForest::Link(std::uint32_t edge) {
 }
 
 // A breadth-first search from the end of the new edge that comes nearer to the root, over all nodes
-// that do so with it. Depths only fall, each time by one at least: all calls together look at no
-// more nodes than there are, times the greatest depth.
+// that do so with it. Depths only fall, each time by one at least: until the next
+// JoinTrees, all calls together look at no more nodes than there are, times the greatest depth.
 void ToroForest::ShortenPaths(const Edge& edge) {
   const bool to_is_deeper = nodes_[edge.ends.to].depth > nodes_[edge.ends.from].depth;
   const std::uint32_t upper = to_is_deeper ? edge.ends.from : edge.ends.to;

@@ -20,8 +20,9 @@
 // / stiffness) that is w c / (1 + w c), and to that the rates of all constraints that share a node
 // with its path are raised (ICRA 2008: adaptive learning rates). All others keep theirs, mostly 0.
 // The sweeps of an update close the loop in this way; what they leave behind, Settle smooths, from
-// the path outwards, as far as moving a node still gains something. So the work does not depend on
-// the size of the graph, and old parts are only moved to where they fit better.
+// the path outwards, as far as moving a node still gains something. So the work is that of the
+// loops around, of which a path near the root has many, and old parts are only moved to where they
+// fit better.
 #pragma once
 
 #include <cstddef>
@@ -62,8 +63,8 @@ class ToroOptimizer {
   std::size_t Sweep();
 
   // A few sweeps over the constraints whose rates were raised, which then rest, and settling of
-  // the nodes around. Where no loop was closed it returns at once. Bounded: what a large closure
-  // leaves to be done, the next updates do. Returns how many nodes wait for them.
+  // the nodes around. Where no loop was closed it returns at once. Its rounds are bounded: what a
+  // large closure leaves to be done, the next updates do. Returns how many nodes wait for them.
   std::size_t Update();
 
   // Poses of all nodes, composed from the roots.

@@ -42,6 +42,16 @@ SparseOptions SparseOptionsOf(const SolveRequest& request) {
   return options;
 }
 
+template <typename Graph>
+Status CheckSweepable(const Graph& graph) {
+  if (IsSweepable(graph)) {
+    return {};
+  }
+  return ResourceExhaustedError("the constraints' paths through the tree have more than " +
+                                std::to_string(kPathElementsMax) +
+                                " elements: gradient descent does not sweep this graph");
+}
+
 // Goes to the start of that name; "auto" is the one with the lowest chi2.
 template <typename Graph>
 Status GoToStart(const std::string& wanted, Graph& graph, SolveReport& report) {
@@ -56,6 +66,9 @@ Status GoToStart(const std::string& wanted, Graph& graph, SolveReport& report) {
     if (found == starts.end()) {
       return UnimplementedError("--start " + wanted +
                                 ": not for graphs in space (VERTEX_SE3:QUAT)");
+    }
+    if (*found == GraphStart::kSwept) {
+      LOCI_RETURN_IF_ERROR(CheckSweepable(graph));
     }
     PlaceAtStart(*found, graph);
     report.start = wanted;
@@ -117,11 +130,7 @@ template <typename Graph>
 StatusOr<SolveReport> SolveByToro(const SolveRequest& request, Graph& graph) {
   using Toro =
       std::conditional_t<std::is_same_v<Graph, PoseGraph>, ToroOptimizer, SpaceToroOptimizer>;
-  if (!IsSweepable(graph)) {
-    return ResourceExhaustedError("the constraints' paths through the tree have more than " +
-                                  std::to_string(kPathElementsMax) +
-                                  " elements: use --method gauss-newton");
-  }
+  LOCI_RETURN_IF_ERROR(CheckSweepable(graph));
   if (request.sweeps > kSweepsMax) {
     return InvalidArgumentError("--sweeps: at most " + std::to_string(kSweepsMax));
   }
