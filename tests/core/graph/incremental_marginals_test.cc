@@ -9,6 +9,7 @@
 
 #include "core/graph/incremental_optimizer.h"
 #include "core/graph/sparse_optimizer.h"
+#include "tests/core/graph/exact_options.h"
 #include "tests/core/graph/random_graph.h"
 #include "tests/core/graph/random_joint.h"
 #include "tests/support/matchers.h"
@@ -16,13 +17,9 @@
 namespace loci {
 namespace {
 
-// As exact as a batch, and nothing is too young to go.
-IncrementalOptions ExactOptions() {
-  IncrementalOptions options;
-  options.relinearise_m = 1e-9;
-  options.relinearise_rad = 1e-9;
-  options.iterations_max = 100;
-  options.step_min = 0.0;
+// And nothing is too young to go.
+IncrementalOptions WithoutWindow() {
+  IncrementalOptions options = ExactOptions();
   options.retract_window = 0;
   return options;
 }
@@ -69,7 +66,7 @@ void AddAllOf(const PoseGraph& whole, IncrementalOptimizer& optimizer) {
 }
 
 TEST(IncrementalMarginalsTest, TheOthersStayAtTheOptimumAsInABatch) {
-  IncrementalOptimizer optimizer(ExactOptions());
+  IncrementalOptimizer optimizer(WithoutWindow());
   const PoseGraph whole = RandomLoopGraph(501, 80);
   AddAllOf(whole, optimizer);
   const std::vector<Pose2> before = optimizer.Graph().map_from_node;
@@ -94,8 +91,8 @@ TEST(IncrementalMarginalsTest, TheOthersStayAtTheOptimumAsInABatch) {
 
 TEST(IncrementalMarginalsTest, WhatComesLaterMovesTheRestAsIfTheNodesWereThere) {
   const PoseGraph whole = RandomLoopGraph(502, 80);
-  IncrementalOptimizer with(ExactOptions());
-  IncrementalOptimizer without(ExactOptions());
+  IncrementalOptimizer with(WithoutWindow());
+  IncrementalOptimizer without(WithoutWindow());
   AddAllOf(whole, with);
   AddAllOf(whole, without);
   for (const std::uint32_t node : {61U, 44U, 33U, 10U}) {
@@ -125,7 +122,7 @@ TEST(IncrementalMarginalsTest, AfterAnyAdditionsRetractionsAndMarginalsItIsAtThe
     if (seed % 2 == 0) {
       whole.fixed.clear();  // the lowest node is held, and goes too
     }
-    IncrementalOptimizer optimizer(ExactOptions());
+    IncrementalOptimizer optimizer(WithoutWindow());
     std::vector<std::uint32_t> loops;
     std::vector<bool> gone(150);
     std::size_t marginalised = 0;
@@ -170,8 +167,8 @@ TEST(IncrementalMarginalsTest, AfterAnyAdditionsRetractionsAndMarginalsItIsAtThe
 }
 
 TEST(IncrementalMarginalsTest, ARemovedConstraintLeavesTheGraphThatNeverHadIt) {
-  IncrementalOptimizer never(ExactOptions());
-  IncrementalOptimizer once(ExactOptions());
+  IncrementalOptimizer never(WithoutWindow());
+  IncrementalOptimizer once(WithoutWindow());
   for (IncrementalOptimizer* each : {&never, &once}) {
     AddAllOf(RandomLoopGraph(525, 100), *each);
     for (const std::uint32_t node : {6U, 27U, 28U, 80U}) {
@@ -192,7 +189,7 @@ TEST(IncrementalMarginalsTest, ARemovedConstraintLeavesTheGraphThatNeverHadIt) {
 TEST(IncrementalMarginalsTest, TheHeldNodeMayGoAndTheNextOneIsHeld) {
   PoseGraph whole = RandomLoopGraph(526, 50);
   whole.fixed.clear();
-  IncrementalOptimizer optimizer(ExactOptions());
+  IncrementalOptimizer optimizer(WithoutWindow());
   AddAllOf(whole, optimizer);
   for (const std::uint32_t node : {0U, 1U, 3U, 2U}) {
     const std::vector<Pose2> before = optimizer.Graph().map_from_node;
@@ -211,7 +208,7 @@ TEST(IncrementalMarginalsTest, TheHeldNodeMayGoAndTheNextOneIsHeld) {
 }
 
 TEST(IncrementalMarginalsTest, ALastNodeAndALonelyOneMayGo) {
-  IncrementalOptimizer optimizer(ExactOptions());
+  IncrementalOptimizer optimizer(WithoutWindow());
   const Eigen::Matrix3d information = 100.0 * Eigen::Matrix3d::Identity();
   optimizer.AddNode({}, false);
   optimizer.AddNode({1.0, 0.0, 0.0}, false);
@@ -235,7 +232,7 @@ TEST(IncrementalMarginalsTest, ALastNodeAndALonelyOneMayGo) {
 
 TEST(IncrementalMarginalsTest, WhatANodeLeavesKeepsItsNeighboursTogether) {
   // 0 - 1 - 2 - 3, and 1 goes; then the constraint of 2 and 3 does.
-  IncrementalOptimizer optimizer(ExactOptions());
+  IncrementalOptimizer optimizer(WithoutWindow());
   const Eigen::Matrix3d information = 100.0 * Eigen::Matrix3d::Identity();
   std::uint32_t last = 0;
   for (std::uint32_t node = 0; node < 4; ++node) {
@@ -254,7 +251,7 @@ TEST(IncrementalMarginalsTest, WhatANodeLeavesKeepsItsNeighboursTogether) {
 }
 
 TEST(IncrementalMarginalsTest, WhatMayBeTakenBackProtectsItsNodes) {
-  IncrementalOptions options = ExactOptions();
+  IncrementalOptions options = WithoutWindow();
   options.retract_window = 30;
   IncrementalOptimizer optimizer(options);
   const PoseGraph whole = RandomLoopGraph(527, 60);
@@ -280,7 +277,7 @@ TEST(IncrementalMarginalsTest, WhatMayBeTakenBackProtectsItsNodes) {
 }
 
 TEST(IncrementalMarginalsTest, RefusalsNameTheReasonAndChangeNothing) {
-  IncrementalOptimizer optimizer(ExactOptions());
+  IncrementalOptimizer optimizer(WithoutWindow());
   PoseGraph whole = RandomLoopGraph(528, 40);
   AddAllOf(whole, optimizer);
   optimizer.AddPoint({1.0, 1.0});
@@ -321,7 +318,7 @@ TEST(IncrementalMarginalsTest, RefusalsNameTheReasonAndChangeNothing) {
 }
 
 TEST(IncrementalMarginalsTest, RemovedPointConstraintsLeaveTheGraphThatNeverHadThem) {
-  IncrementalOptimizer optimizer(ExactOptions());
+  IncrementalOptimizer optimizer(WithoutWindow());
   AddAllOf(RandomLoopGraph(529, 40), optimizer);
   const std::vector<Pose2> before = optimizer.Graph().map_from_node;
   optimizer.AddPoint({0.0, 0.0});
@@ -347,7 +344,7 @@ TEST(IncrementalMarginalsTest, RemovedPointConstraintsLeaveTheGraphThatNeverHadT
 }
 
 TEST(IncrementalMarginalsTest, PartsThatAPointHeldTogetherComeApart) {
-  IncrementalOptimizer optimizer(ExactOptions());
+  IncrementalOptimizer optimizer(WithoutWindow());
   optimizer.AddNode({}, false);
   optimizer.AddNode({5.0, 0.0, 0.0}, false);
   optimizer.AddPoint({1.0, 0.0});
@@ -363,7 +360,7 @@ TEST(IncrementalMarginalsTest, PartsThatAPointHeldTogetherComeApart) {
 TEST(IncrementalMarginalsTest, JointConstraintsMayBeGiven) {
   PoseGraph whole = RandomLoopGraph(530, 60);
   RandomSequence random(531);
-  IncrementalOptimizer optimizer(ExactOptions());
+  IncrementalOptimizer optimizer(WithoutWindow());
   AddAllOf(whole, optimizer);
   for (const std::vector<std::uint32_t>& nodes :
        {std::vector<std::uint32_t>{0, 30, 12}, {55, 7, 33, 12}, {7, 33}}) {
@@ -436,7 +433,7 @@ TEST(IncrementalMarginalsTest, ALongRunStaysAsLargeAsWhatItKeeps) {
 }
 
 TEST(IncrementalMarginalsTest, NothingCanBeTiedToANodeThatHasGone) {
-  IncrementalOptimizer optimizer(ExactOptions());
+  IncrementalOptimizer optimizer(WithoutWindow());
   AddAllOf(RandomLoopGraph(534, 10), optimizer);
   optimizer.AddPoint({});
   ASSERT_THAT(optimizer.MarginaliseNode(9), IsOk());
@@ -449,7 +446,7 @@ TEST(IncrementalMarginalsTest, NothingCanBeTiedToANodeThatHasGone) {
 }
 
 TEST(IncrementalMarginalsTest, WhatCannotBeAddedUpDoesNotKeepTheOthersApart) {
-  IncrementalOptimizer optimizer(ExactOptions());
+  IncrementalOptimizer optimizer(WithoutWindow());
   for (std::uint32_t node = 0; node < 3; ++node) {
     optimizer.AddNode({}, false);
   }

@@ -10,22 +10,12 @@
 #include <gtest/gtest.h>
 
 #include "core/graph/sparse_optimizer.h"
+#include "tests/core/graph/exact_options.h"
 #include "tests/core/graph/random_graph.h"
 #include "tests/support/matchers.h"
 
 namespace loci {
 namespace {
-
-// As exact as a batch.
-IncrementalOptions ExactOptions() {
-  IncrementalOptions options;
-  options.relinearise_sigma = 1e-9;
-  options.relinearise_m = 1e-9;
-  options.relinearise_rad = 1e-9;
-  options.iterations_max = 100;
-  options.step_min = 0.0;
-  return options;
-}
 
 double OptimumNear(PoseGraph graph) {
   return OptimizeSparse(graph, SparseOptions{}).chi2_after;

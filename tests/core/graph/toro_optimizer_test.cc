@@ -293,7 +293,7 @@ TEST(ToroOptimizerTest, ARigidMotionOfEverythingMovesTheResultAlong) {
   }
 }
 
-// Three nodes in a ring whose turns add up to `sum_rad` while the odometry gives way.
+// Three nodes in a ring whose turns add up to `angle_rad` while the odometry gives way.
 TEST(ToroOptimizerTest, AConstraintWithRateOneIsMetWhateverItsAngle) {
   for (const double angle_rad : {0.1, 3.0, kPi - 1e-12, kPi, -kPi + 1e-12, -2.5}) {
     PoseGraph graph;
