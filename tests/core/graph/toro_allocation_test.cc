@@ -15,9 +15,12 @@ namespace {
 
 std::size_t allocation_count = 0;  // by this program, which has one thread
 
-void* Allocate(std::size_t size_bytes) {
+void* AllocateOrNull(std::size_t size_bytes) {
   ++allocation_count;
-  void* memory = std::malloc(size_bytes);
+  return std::malloc(size_bytes);
+}
+void* Allocate(std::size_t size_bytes) {
+  void* memory = AllocateOrNull(size_bytes);
   if (memory == nullptr) {
     throw std::bad_alloc();
   }
@@ -31,6 +34,13 @@ void* operator new(std::size_t size_bytes) {
 }
 void* operator new[](std::size_t size_bytes) {
   return Allocate(size_bytes);
+}
+// std::stable_sort takes its buffer with these; a sanitizer's own would not match the delete below.
+void* operator new(std::size_t size_bytes, const std::nothrow_t& /*tag*/) noexcept {
+  return AllocateOrNull(size_bytes);
+}
+void* operator new[](std::size_t size_bytes, const std::nothrow_t& /*tag*/) noexcept {
+  return AllocateOrNull(size_bytes);
 }
 void operator delete(void* memory) noexcept {
   std::free(memory);
