@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Headings that agree, as a linear problem with one number per node.
+// Headings that agree, as a linear problem with one number per node, and positions that follow.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -94,6 +94,16 @@ bool PlaneProblem::TurnToAgree(NormalEquations& equations) {
       nodes_[i] = TurnedPose2(node);
     }
   }
+  return true;
+}
+
+bool PlaneProblem::PlaceToAgree(NormalEquations& equations) {
+  equations.Clear();
+  Linearise(Levers::kMeasured, equations);
+  if (!equations.Factor(0.0)) {
+    return false;
+  }
+  Move(equations.Step(), equations);
   return true;
 }
 

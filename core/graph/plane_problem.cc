@@ -42,11 +42,13 @@ struct PoseError {
 };
 
 // B * D gives e * D, so that d e / d b = (R(e), 0; 0, 1).
-// A * D gives Z^-1 D^-1 M, so that d e / d a = -(R(z)^T, R(z)^T turned(M.t); 0, 1).
+// A * D gives Z^-1 D^-1 M, so that d e / d a = -(R(z)^T, R(z)^T turned(M.t); 0, 1). In place of M.t
+// stands `lever`.
 LinearisedPair<3, 3, 3> Linearised(const TurnedPose2& a,
                                    const TurnedPose2& b,
-                                   const TurnedPose2& z) {
-  const PoseError e(a, b, z);
+                                   const TurnedPose2& z,
+                                   const PoseError& e,
+                                   const Eigen::Vector2d& lever) {
   // R(e) = R(z)^T R(a)^T R(b).
   const double cosine_az = a.cosine * z.cosine - a.sine * z.sine;
   const double sine_az = a.sine * z.cosine + a.cosine * z.sine;
@@ -54,8 +56,8 @@ LinearisedPair<3, 3, 3> Linearised(const TurnedPose2& a,
   const double sine = cosine_az * b.sine - sine_az * b.cosine;
   LinearisedPair<3, 3, 3> result;
   result.error = e.error;
-  result.jacobian_a << -z.cosine, -z.sine, z.cosine * e.predicted.y() - z.sine * e.predicted.x(),
-      z.sine, -z.cosine, -z.sine * e.predicted.y() - z.cosine * e.predicted.x(), 0.0, 0.0, -1.0;
+  result.jacobian_a << -z.cosine, -z.sine, z.cosine * lever.y() - z.sine * lever.x(), z.sine,
+      -z.cosine, -z.sine * lever.y() - z.cosine * lever.x(), 0.0, 0.0, -1.0;
   result.jacobian_b << cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0;
   return result;
 }
@@ -63,9 +65,11 @@ LinearisedPair<3, 3, 3> Linearised(const TurnedPose2& a,
 }  // namespace
 
 LinearisedPair<3, 3, 3> Linearised(const PoseGraph& graph, const GraphConstraint& constraint) {
-  return Linearised(TurnedPose2(graph.map_from_node[constraint.from]),
-                    TurnedPose2(graph.map_from_node[constraint.to]),
-                    TurnedPose2(constraint.from_from_to));
+  const TurnedPose2 a(graph.map_from_node[constraint.from]);
+  const TurnedPose2 b(graph.map_from_node[constraint.to]);
+  const TurnedPose2 z(constraint.from_from_to);
+  const PoseError e(a, b, z);
+  return Linearised(a, b, z, e, e.predicted);
 }
 
 // With p the predicted point in A: A * D gives D^-1 p, so that d e / d a = -(I, turned(p)); the
@@ -192,6 +196,10 @@ double PlaneProblem::Cost() const {
 }
 
 void PlaneProblem::Linearise(NormalEquations& equations) const {
+  Linearise(Levers::kPredicted, equations);
+}
+
+void PlaneProblem::Linearise(Levers levers, NormalEquations& equations) const {
   std::size_t pair = 0;
   const auto add = [&](const auto& constraint,
                        const auto& linearised,
@@ -208,8 +216,14 @@ void PlaneProblem::Linearise(NormalEquations& equations) const {
   };
   for (std::size_t i = 0; i < graph_->constraints.size(); ++i) {
     const GraphConstraint& constraint = graph_->constraints[i];
+    const TurnedPose2& a = nodes_[constraint.from];
+    const TurnedPose2& b = nodes_[constraint.to];
+    const TurnedPose2& z = measurements_[i];
+    const PoseError e(a, b, z);
+    const Eigen::Vector2d lever =
+        levers == Levers::kMeasured ? Eigen::Vector2d(z.x, z.y) : e.predicted;
     add(constraint,
-        Linearised(nodes_[constraint.from], nodes_[constraint.to], measurements_[i]),
+        Linearised(a, b, z, e, lever),
         block_of_node_[constraint.from],
         block_of_node_[constraint.to]);
   }

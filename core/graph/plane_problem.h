@@ -67,11 +67,21 @@ class PlaneProblem final : public LeastSquaresProblem {
   // are those of this problem. False, and nothing is turned, if something is not determined that
   // way, or if the graph has points or joint constraints, which say something about headings too.
   bool TurnToAgree(NormalEquations& equations);
+  // After TurnToAgree: moves the free nodes, and turns them a little more, to where they agree best
+  // with everything if the headings are right but for small angles. That is a linear problem
+  // wherever the nodes are (second phase of the same paper): the step of Gauss and Newton, but each
+  // heading turns the offset to the next node as it was measured, not as the two now stand. False,
+  // and nothing moves, if that does not determine all of them.
+  bool PlaceToAgree(NormalEquations& equations);
 
   // kHeldBlock for held nodes.
   std::uint32_t BlockOfNode(std::uint32_t node) const { return block_of_node_[node]; }
 
  private:
+  // What turns with a node, in the derivative of a constraint's error by its heading.
+  enum class Levers : std::uint8_t { kPredicted, kMeasured };
+
+  void Linearise(Levers levers, NormalEquations& equations) const;
   void LinearisePriors(NormalEquations& equations) const;
   bool HeadingsAreTied() const;
   void LineariseHeadings(NormalEquations& headings) const;

@@ -22,14 +22,29 @@ LeastSquaresOptions LeastSquaresOptionsFrom(const SparseOptions& options) {
 
 namespace {
 
-LeastSquaresSummary Minimise(PlaneProblem& problem, const SparseOptions& options) {
+// Begins with headings and positions that agree.
+LeastSquaresSummary MinimiseTurnedFirst(PlaneProblem& problem,
+                                        NormalEquations& equations,
+                                        LeastSquaresOptions options) {
+  int steps = 0;
+  if (options.iterations_max > 0 && problem.PlaceToAgree(equations)) {
+    steps = 1;
+    --options.iterations_max;
+  }
+  LeastSquaresSummary summary = Minimise(problem, equations, options);
+  summary.iterations += steps;
+  return summary;
+}
+
+LeastSquaresSummary Minimise(PlaneProblem& problem, const SparseOptions& sparse_options) {
+  const LeastSquaresOptions options = LeastSquaresOptionsFrom(sparse_options);
   NormalEquations equations(problem.BlockSizes(), problem.Pairs(), problem.Groups());
   int iterations_taken_back = 0;
-  if (options.turn_first) {
+  if (sparse_options.turn_first) {
     const PlaneProblem::State start = problem.Save();
     const double cost_before = problem.Cost();
     if (problem.TurnToAgree(equations)) {
-      LeastSquaresSummary summary = Minimise(problem, equations, LeastSquaresOptionsFrom(options));
+      LeastSquaresSummary summary = MinimiseTurnedFirst(problem, equations, options);
       if (summary.cost_after <= cost_before) {
         summary.cost_before = cost_before;
         return summary;
@@ -38,7 +53,7 @@ LeastSquaresSummary Minimise(PlaneProblem& problem, const SparseOptions& options
       iterations_taken_back = summary.iterations;
     }
   }
-  LeastSquaresSummary summary = Minimise(problem, equations, LeastSquaresOptionsFrom(options));
+  LeastSquaresSummary summary = Minimise(problem, equations, options);
   summary.iterations += iterations_taken_back;
   return summary;
 }
@@ -46,15 +61,18 @@ LeastSquaresSummary Minimise(PlaneProblem& problem, const SparseOptions& options
 }  // namespace
 
 OptimizationSummary OptimizeSparse(PoseGraph& graph, const SparseOptions& options) {
-  OptimizationSummary summary;
-  summary.chi2_before = Chi2(graph);
+  // Without a kernel, the cost is chi2.
+  const bool has_kernel = options.kernel.shape != RobustKernel::Shape::kNone;
+  const double chi2_before = has_kernel ? Chi2(graph) : 0.0;
   const double gained = AlignToPriors(graph, options.kernel);
   PlaneProblem problem(graph, options.kernel);
   const LeastSquaresSummary minimised = Minimise(problem, options);
-  summary.chi2_after = Chi2(graph);
+  OptimizationSummary summary;
   summary.iterations = minimised.iterations;
   summary.cost_before = minimised.cost_before + gained;
   summary.cost_after = minimised.cost_after;
+  summary.chi2_before = has_kernel ? chi2_before : summary.cost_before;
+  summary.chi2_after = has_kernel ? Chi2(graph) : summary.cost_after;
   summary.converged = minimised.converged;
   return summary;
 }

@@ -22,9 +22,10 @@ struct SparseOptions {
     kLevenbergMarquardt,  // damped from the start
   };
   Method method = Method::kGaussNewton;
-  // First turns all nodes to headings that agree (PlaneProblem::TurnToAgree), which spares steps
-  // from far away. Taken back where it leads to a higher cost than that of the start. For graphs in
-  // the plane without points or joint constraints; others are optimised as if it were not set.
+  // First turns all nodes to headings that agree, and moves them to where they then belong
+  // (PlaneProblem::TurnToAgree, PlaceToAgree; the latter counts as a step), which spares steps from
+  // far away. Taken back where it leads to a higher cost than that of the start. For graphs in the
+  // plane without points or joint constraints; others are optimised as if it were not set.
   bool turn_first = false;
   int iterations_max = 100;
   // Converged when a step gains less than this part of the cost, or moves nothing by more than
@@ -39,7 +40,7 @@ LeastSquaresOptions LeastSquaresOptionsFrom(const SparseOptions& options);
 
 struct OptimizationSummary {
   int iterations = 0;        // steps that were taken
-  double chi2_before = 0.0;  // sum of e^T Omega e, without kernel
+  double chi2_before = 0.0;  // sum of e^T Omega e, without kernel; as Chi2(), up to rounding
   double chi2_after = 0.0;
   double cost_before = 0.0;  // sum of rho(e^T Omega e): what is minimised
   double cost_after = 0.0;
