@@ -24,10 +24,10 @@ void EliminationTree::Reserve(std::size_t variables, std::size_t terms) {
   moved_.reserve(variables);
   touched_.reserve(variables);
   fronts_.reserve(variables);
-  terms_.reserve(terms);
-  term_variables_.reserve(2 * terms);
-  uses_.reserve(2 * terms);
-  term_values_.reserve(42 * terms);
+  terms_.reserve(terms + variables);
+  term_variables_.reserve(2 * terms + variables);
+  uses_.reserve(2 * terms + variables);
+  term_values_.reserve(42 * terms + 12 * variables);
 }
 
 EliminationTree EliminationTree::Resized(int size) const {

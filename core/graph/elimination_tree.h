@@ -27,7 +27,7 @@ class EliminationTree {
  public:
   static constexpr std::uint32_t kNone = 0xFFFFFFFFU;
 
-  // Room for so many variables, and terms of two of them.
+  // Room for so many variables, each with a term of its own, and for terms of two of them.
   void Reserve(std::size_t variables, std::size_t terms);
   // A tree over as many variables, of `size` numbers each, and the same terms, all zero, which is
   // ordered as this one, and spares the work. This one must be ordered.

@@ -40,6 +40,35 @@ inline void Add(const double* from, std::ptrdiff_t count, double* to) {
   }
 }
 
+// The same as Scatter for two variables of three numbers each, the most frequent of all in the
+// plane, at rows `a` and `b` of the front at hand.
+void ScatterTwoThrees(const double* values,
+                      std::ptrdiff_t stride,
+                      std::ptrdiff_t a,
+                      std::ptrdiff_t b,
+                      std::ptrdiff_t size,
+                      double* work) {
+  const std::ptrdiff_t work_stride = StrideOf(size);
+  const std::ptrdiff_t step = a < b ? 1 : work_stride;  // along a column of the block (b, a) there
+  double* const block = a < b ? work + a * work_stride + b : work + b * work_stride + a;
+  for (std::ptrdiff_t j = 0; j < 3; ++j) {
+    const double* from = values + j * stride;
+    const double* from_b = values + (3 + j) * stride;
+    double* to = work + (a + j) * work_stride;
+    double* to_b = work + (b + j) * work_stride;
+    for (std::ptrdiff_t i = j; i < 3; ++i) {
+      to[a + i] += from[i];
+      to_b[b + i] += from_b[3 + i];
+    }
+    double* mixed = block + j * (a < b ? work_stride : 1);
+    mixed[0] += from[3];
+    mixed[step] += from[4];
+    mixed[2 * step] += from[5];
+    to[size] += from[6];
+    to_b[size] += from_b[6];
+  }
+}
+
 }  // namespace
 
 // Adds a matrix over some variables, with its right-hand side in the row after them, to the front
@@ -48,8 +77,14 @@ void EliminationTree::Scatter(std::span<const std::uint32_t> variables,
                               const double* values,
                               std::ptrdiff_t stride,
                               std::ptrdiff_t size) {
-  FindRuns(variables);
   double* const work = work_.data();
+  if (variables.size() == 2 && variables_[variables[0]].size == 3 &&
+      variables_[variables[1]].size == 3) {
+    ScatterTwoThrees(
+        values, stride, variables_[variables[0]].row, variables_[variables[1]].row, size, work);
+    return;
+  }
+  FindRuns(variables);
   const std::ptrdiff_t right_row = runs_.back().source + runs_.back().count;
   const std::ptrdiff_t work_stride = StrideOf(size);
   for (std::size_t c = 0; c < runs_.size(); ++c) {
