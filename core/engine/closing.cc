@@ -8,8 +8,6 @@
 #include "core/base/random.h"
 #include "core/closure/consistency.h"
 #include "core/engine/state.h"
-#include "core/graph/optimize.h"
-#include "core/graph/sparse_optimizer.h"
 
 namespace loci {
 namespace {
@@ -22,20 +20,12 @@ constexpr std::uint64_t kStageClosure = 2;
 constexpr double kMovedM = 1e-3;
 constexpr double kMovedRad = 1e-3;
 
-// Closures may be wrong: beyond three sigma they pull less and less.
-RobustKernel ClosureKernel() {
-  return {RobustKernel::Shape::kCauchy, 3.0};
-}
-
 Pose2 RelativePose(const Engine::State& state, PlaceId from, PlaceId to) {
-  return Inverse(state.graph.map_from_node[from.value]) * state.graph.map_from_node[to.value];
+  return Inverse(state.graph.map_from_place(from)) * state.graph.map_from_place(to);
 }
 
-UncertainPose2 RelativeEstimate(const Engine::State& state,
-                                GraphCovariance& covariance,
-                                PlaceId from,
-                                PlaceId to) {
-  return {RelativePose(state, from, to), covariance.Relative(from.value, to.value)};
+UncertainPose2 RelativeEstimate(Engine::State& state, PlaceId from, PlaceId to) {
+  return {RelativePose(state, from, to), state.graph.RelativeCovariance(from, to)};
 }
 
 UncertainPose2 MeasurementOf(const ClosureSnapshot& closure) {
@@ -44,29 +34,23 @@ UncertainPose2 MeasurementOf(const ClosureSnapshot& closure) {
 
 // Test 5, second half: does `other` say the same as `closure`, by way of the graph between their
 // ends? In a loop of four, the covariances of the two short sides count too.
-bool Agree(const Engine::State& state,
-           GraphCovariance& covariance,
-           const ClosureSnapshot& closure,
-           const ClosureSnapshot& other) {
+bool Agree(Engine::State& state, const ClosureSnapshot& closure, const ClosureSnapshot& other) {
   if (RelativePose(state, closure.to, other.to).translation().norm() < kWitnessDistanceM ||
       closure.to == other.to) {
     return false;
   }
   const UncertainPose2 predicted =
-      Compose(Compose(RelativeEstimate(state, covariance, other.from, closure.from),
-                      MeasurementOf(closure)),
-              RelativeEstimate(state, covariance, closure.to, other.to));
+      Compose(Compose(RelativeEstimate(state, other.from, closure.from), MeasurementOf(closure)),
+              RelativeEstimate(state, closure.to, other.to));
   return Chi2Between(predicted, MeasurementOf(other)) <= kChi2At99;
 }
 
 // Whether the closure moves the map further than what the graph believes possible, or than a metre.
-bool IsLargeCorrection(const Engine::State& state,
-                       GraphCovariance& covariance,
-                       const ClosureSnapshot& closure) {
+bool IsLargeCorrection(Engine::State& state, const ClosureSnapshot& closure) {
   if (closure.correction_m > kLargeCorrectionM) {
     return true;
   }
-  const UncertainPose2 estimate = RelativeEstimate(state, covariance, closure.from, closure.to);
+  const UncertainPose2 estimate = RelativeEstimate(state, closure.from, closure.to);
   return Chi2Between(estimate, MeasurementOf(closure)) > kChi2At3Sigma;
 }
 
@@ -76,80 +60,74 @@ double CorrectionM(const Engine::State& state, const ClosureSnapshot& closure) {
       .norm();
 }
 
-void AddToGraph(ClosureSnapshot& closure, Engine::State& state) {
-  closure.state = ClosureState::kAccepted;
-  closure.reason.clear();
+MapConstraint ConstraintOf(const ClosureSnapshot& closure) {
   const Eigen::Matrix3d information = closure.covariance.inverse();
-  state.graph.constraints.push_back({closure.from.value,
-                                     closure.to.value,
-                                     closure.from_from_to,
-                                     0.5 * (information + information.transpose()),
-                                     true});
-  state.constraint_info.push_back({true, closure.id});
-}
-
-void Optimize(Engine::State& state) {
-  OptimizeOptions options;
-  options.sparse.kernel = ClosureKernel();
-  const StatusOr<OptimizationSummary> summary = OptimizeGraph(state.graph, options);
-  LOCI_CHECK(summary.ok());
-  state.chi2 = Chi2(state.graph);
-  MarkGraphChanged(state);
+  return {{closure.from.value,
+           closure.to.value,
+           closure.from_from_to,
+           0.5 * (information + information.transpose()),
+           true},
+          closure.id};
 }
 
 // Test 6: takes the closure that fits worst out of the graph, if it fits worse than chance allows.
 bool RejectWorst(Engine::State& state) {
-  std::size_t worst = 0;
+  ClosureId worst;
   double worst_chi2 = kChi2At999;
-  for (std::size_t i = 0; i < state.graph.constraints.size(); ++i) {
-    if (!state.constraint_info[i].is_closure) {
+  const PoseGraph& graph = state.graph.graph();
+  for (std::size_t i = 0; i < graph.constraints.size(); ++i) {
+    const std::optional<ClosureId> closure = state.graph.closures()[i];
+    if (!closure.has_value()) {
       continue;
     }
-    const double chi2 = Chi2Of(state.graph, state.graph.constraints[i]);
-    state.closures[state.constraint_info[i].closure.value].chi2 = chi2;
+    const double chi2 = Chi2Of(graph, graph.constraints[i]);
+    state.closures[closure->value].chi2 = chi2;
     if (chi2 > worst_chi2) {
       worst_chi2 = chi2;
-      worst = i;
+      worst = *closure;
     }
   }
   if (worst_chi2 <= kChi2At999) {
     return false;
   }
-  ClosureSnapshot& closure = state.closures[state.constraint_info[worst].closure.value];
+  ClosureSnapshot& closure = state.closures[worst.value];
   closure.state = ClosureState::kRejected;
   closure.reason = "does not fit the optimised graph";
-  state.graph.constraints.erase(state.graph.constraints.begin() +
-                                static_cast<std::ptrdiff_t>(worst));
-  state.constraint_info.erase(state.constraint_info.begin() + static_cast<std::ptrdiff_t>(worst));
+  state.graph.RemoveClosure(worst);
   return true;
 }
 
 // Accepts what tests 5 lets pass; returns true if anything was accepted.
 bool AcceptProvisional(Engine::State& state) {
-  GraphCovariance& covariance = CovarianceOfGraph(state);
   std::vector<ClosureId> accepted;
   for (ClosureSnapshot& closure : state.closures) {
     if (closure.state != ClosureState::kProvisional) {
       continue;
     }
     closure.correction_m = CorrectionM(state, closure);
-    if (!IsLargeCorrection(state, covariance, closure)) {
+    if (!IsLargeCorrection(state, closure)) {
       accepted.push_back(closure.id);
       continue;
     }
     for (const ClosureSnapshot& other : state.closures) {
       if (other.id < closure.id && other.state == ClosureState::kProvisional &&
-          Agree(state, covariance, closure, other)) {
+          Agree(state, closure, other)) {
         accepted.push_back(closure.id);
         accepted.push_back(other.id);
       }
     }
   }
+  std::vector<MapConstraint> constraints;
   for (const ClosureId id : accepted) {
     ClosureSnapshot& closure = state.closures[id.value];
     if (closure.state == ClosureState::kProvisional) {
-      AddToGraph(closure, state);
+      closure.state = ClosureState::kAccepted;
+      closure.reason.clear();
+      constraints.push_back(ConstraintOf(closure));
     }
+  }
+  if (!constraints.empty()) {
+    state.graph.AddClosures(std::move(constraints));
   }
   return !accepted.empty();
 }
@@ -185,14 +163,14 @@ bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
   bool moved = false;
   // What was provisional may be plain once others are in: until nothing more is accepted.
   while (AcceptProvisional(state)) {
-    Optimize(state);
     while (RejectWorst(state)) {
-      Optimize(state);
     }
     moved = true;
   }
   if (moved) {
-    state.mesh->MovePlaces(state.graph.map_from_node);
+    state.chi2 = Chi2(state.graph.graph());
+    MarkGraphChanged(state);
+    state.mesh->MovePlaces(state.graph.map_from_places());
   }
   state.cells_closed += CellsWrittenSoFar(state) - cells_before;
   return moved;
@@ -201,8 +179,7 @@ bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
 void TryCandidate(PlaceId from, ClosureBatch& batch, Engine::State& state) {
   const Place& older = state.places[from.value];
   const Place& newer = state.places[batch.place.value];
-  GraphCovariance& covariance = CovarianceOfGraph(state);
-  const UncertainPose2 estimate = RelativeEstimate(state, covariance, from, batch.place);
+  const UncertainPose2 estimate = RelativeEstimate(state, from, batch.place);
   const std::uint64_t seed =
       SeedOf(state.settings, newer.session, MixBits(from.value) ^ batch.place.value, kStageClosure);
   const std::optional<PlaceMatch> match =
@@ -233,16 +210,10 @@ void TryCandidate(PlaceId from, ClosureBatch& batch, Engine::State& state) {
 void MarkGraphChanged(Engine::State& state) {
   state.graph_changed_by = state.last_event;
   state.constraints_snapshot.reset();
-  state.covariance.reset();
-}
-
-GraphCovariance& CovarianceOfGraph(Engine::State& state) {
-  if (!state.covariance.has_value()) {
-    StatusOr<GraphCovariance> computed = GraphCovariance::Compute(state.graph, ClosureKernel());
-    LOCI_CHECK(computed.ok());  // every place is tied to the one before it
-    state.covariance = std::move(computed).value();
+  if (state.graph_base_count != state.graph.base_count()) {
+    state.graph_base_count = state.graph.base_count();
+    state.graph_base_changed_by = state.last_event;
   }
-  return *state.covariance;
 }
 
 void BeginClosureBatch(PlaceId place, Engine::State& state) {
@@ -252,7 +223,6 @@ void BeginClosureBatch(PlaceId place, Engine::State& state) {
   // Places are compared if each may have looked at where the other begins, within the doubt about
   // that. Further apart they share little, and are tied through those between them.
   const double distance_max_m = state.settings.range_max_m;
-  GraphCovariance& covariance = CovarianceOfGraph(state);
   std::vector<std::pair<double, PlaceId>> nearest;
   for (const Place& other : state.places) {
     const bool is_neighbour =
@@ -264,7 +234,7 @@ void BeginClosureBatch(PlaceId place, Engine::State& state) {
     if (distance_m > distance_max_m + ClosureLimits().window_max_m) {
       continue;
     }
-    const Eigen::Matrix3d doubt = covariance.Relative(other.id.value, place.value);
+    const Eigen::Matrix3d doubt = state.graph.RelativeCovariance(other.id, place);
     const double reach_m = std::min(3.0 * std::sqrt(doubt.topLeftCorner<2, 2>().trace()),
                                     ClosureLimits().window_max_m);
     if (distance_m <= distance_max_m + reach_m) {
@@ -286,7 +256,7 @@ void WorkOnClosures(SessionId session,
   if (batches.empty()) {
     return;
   }
-  const std::vector<Pose2> poses_before = state.graph.map_from_node;
+  const std::vector<Pose2> poses_before = state.graph.map_from_places();
   while (!batches.empty() && units > 0) {
     ClosureBatch& batch = batches.front();
     if (batch.next < batch.candidates.size()) {
@@ -299,7 +269,7 @@ void WorkOnClosures(SessionId session,
       batches.erase(batches.begin());
     }
   }
-  effects.places_moved = CountMoved(poses_before, state.graph.map_from_node);
+  effects.places_moved = CountMoved(poses_before, state.graph.map_from_places());
 }
 
 }  // namespace loci

@@ -40,8 +40,8 @@ bool HasProvisionalClosure(const Place& place, const Engine::State& state) {
 }
 
 bool HasDirectConstraint(PlaceId a, PlaceId b, const Engine::State& state) {
-  return std::any_of(state.graph.constraints.begin(),
-                     state.graph.constraints.end(),
+  return std::any_of(state.graph.graph().constraints.begin(),
+                     state.graph.graph().constraints.end(),
                      [&](const GraphConstraint& constraint) {
                        return (constraint.from == a.value && constraint.to == b.value) ||
                               (constraint.from == b.value && constraint.to == a.value);
@@ -57,13 +57,13 @@ bool IsTiedBySequence(const Place& host, const Place& place) {
 // Condition (a): tied to the host of every vertex under the footprint.
 bool IsTied(const Place& place, Engine::State& state) {
   const std::vector<PlaceId> hosts =
-      state.mesh->HostsUnder(place.stationary, state.graph.map_from_node[place.id.value]);
+      state.mesh->HostsUnder(place.stationary, state.graph.map_from_place(place.id));
   for (const PlaceId host : hosts) {
     if (IsTiedBySequence(state.places[host.value], place) ||
         HasDirectConstraint(host, place.id, state)) {
       continue;
     }
-    const Eigen::Matrix3d relative = CovarianceOfGraph(state).Relative(host.value, place.id.value);
+    const Eigen::Matrix3d relative = state.graph.RelativeCovariance(host, place.id);
     if (relative.topLeftCorner<2, 2>().trace() > 2.0 * kTiedSigmaM * kTiedSigmaM ||
         relative(2, 2) > kTiedSigmaRad * kTiedSigmaRad) {
       return false;
@@ -84,7 +84,7 @@ void ConsolidateIfReady(PlaceId id, Engine::State& state) {
                            place.last_stamp_ns,
                            &place.stationary,
                            &place.moving,
-                           state.graph.map_from_node[id.value]});
+                           state.graph.map_from_place(id)});
   place.stationary = LogOddsGrid();
   place.moving = LogOddsGrid();
   place.consolidated = true;

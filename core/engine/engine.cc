@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/engine/engine.h"
 
+#include <optional>
 #include <utility>
 
 #include "core/base/random.h"
@@ -31,29 +32,30 @@ Eigen::Matrix3d CovarianceOf(const std::array<double, 6>& upper) {
   return matrix;
 }
 
-// A place for the session, at a pose in the map; the caller ties it to the graph.
-Place& AddPlace(SessionId session, const Pose2& map_from_place, Engine::State& state) {
+// Of the next place to an older one.
+GraphConstraint TieTo(PlaceId from,
+                      const Pose2& from_from_next,
+                      const Covariance3& covariance,
+                      const Engine::State& state) {
+  const auto next = static_cast<std::uint32_t>(state.places.size());
+  return {from.value, next, from_from_next, covariance.Information(), false};
+}
+
+// The next place, for the session, at a pose in the map that its tie to the graph says. The first
+// place of all has no tie.
+Place& AddPlace(SessionId session,
+                const Pose2& map_from_place,
+                const std::optional<GraphConstraint>& tie,
+                Engine::State& state) {
   Place& place = state.places.emplace_back();
   place.id = PlaceId{static_cast<std::uint32_t>(state.places.size() - 1)};
   place.session = session;
   place.patch = Patch(state.settings.cell_size_m);
   place.changed_by = state.last_event;
-  state.graph.map_from_node.push_back(map_from_place);
-  state.graph.fixed.push_back(place.id.value == 0);  // the origin of the map, for ever
+  state.graph.AddPlace(map_from_place, tie);
   MarkGraphChanged(state);
   place.number = state.sessions[session.value].place_count++;
   return place;
-}
-
-void Tie(PlaceId from,
-         PlaceId to,
-         const Pose2& from_from_to,
-         const Covariance3& covariance,
-         Engine::State& state) {
-  state.graph.constraints.push_back(
-      {from.value, to.value, from_from_to, covariance.Information(), false});
-  state.constraint_info.push_back({false, {}});
-  MarkGraphChanged(state);
 }
 
 void FinishPlace(PlaceId id, Engine::State& state) {
@@ -72,12 +74,11 @@ void StartNextPlace(SessionId id, std::uint64_t number, Engine::State& state) {
       HandOverCovariance(session.track,
                          state.places[old_id.value],
                          SeedOf(state.settings, id, number, kStageHandOver));
-  const Pose2 map_from_next =
-      state.graph.map_from_node[old_id.value] * session.track.place_from_robot;
-  Place& next = AddPlace(id, map_from_next, state);
-  const Pose2 old_from_next = HandOver(next, session.track);
-  Tie(old_id, next.id, old_from_next, covariance, state);
-  state.mesh->MovePlaces(state.graph.map_from_node);
+  const Pose2 old_from_next = session.track.place_from_robot;
+  const Pose2 map_from_next = state.graph.map_from_place(old_id) * old_from_next;
+  Place& next = AddPlace(id, map_from_next, TieTo(old_id, old_from_next, covariance, state), state);
+  HandOver(next, session.track);
+  state.mesh->MovePlaces(state.graph.map_from_places());
   FinishPlace(old_id, state);
 }
 
@@ -119,18 +120,18 @@ struct EventApplier {
     session.robot = event.robot;
     session.map_from_start = event.map_from_start;
     session.changed_by = state.last_event;
-    Place& place = AddPlace(id, event.map_from_start, state);
+    std::optional<GraphConstraint> tie;
+    if (!state.places.empty()) {
+      tie = TieTo(PlaceId{0},
+                  Inverse(state.graph.map_from_place(PlaceId{0})) * event.map_from_start,
+                  Covariance3::FromSigmas(kStartSigmaM, kStartSigmaM, kStartSigmaRad),
+                  state);
+    }
+    Place& place = AddPlace(id, event.map_from_start, tie, state);
     session.track.place = place.id;
     session.track.covariance = Covariance3::FromSigmas(0.02, 0.02, 0.01).matrix();
     RebuildCaches(place, session.track);
-    if (place.id.value != 0) {
-      Tie(PlaceId{0},
-          place.id,
-          Inverse(state.graph.map_from_node[0]) * event.map_from_start,
-          Covariance3::FromSigmas(kStartSigmaM, kStartSigmaM, kStartSigmaRad),
-          state);
-    }
-    state.mesh->MovePlaces(state.graph.map_from_node);
+    state.mesh->MovePlaces(state.graph.map_from_places());
   }
 
   void operator()(const ObservationEvent& event) {
@@ -230,9 +231,7 @@ EngineCounts Engine::Counts() const {
   counts.sessions = state_->sessions.size();
   counts.places = state_->places.size();
   counts.ltrs = state_->mesh.has_value() ? state_->mesh->LtrCount() : 0;
-  for (const ConstraintInfo& info : state_->constraint_info) {
-    counts.closures += info.is_closure ? 1U : 0U;
-  }
+  counts.closures = state_->graph.closure_count();
   return counts;
 }
 

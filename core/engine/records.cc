@@ -15,6 +15,7 @@ namespace {
 constexpr std::uint32_t kHeaderRecord = 1;
 constexpr std::uint32_t kGraphRecord = 2;
 constexpr std::uint32_t kPlaceRecord = 3;
+constexpr std::uint32_t kGraphStepsRecord = 4;
 constexpr std::uint32_t kSessionRecord = 100;
 constexpr std::uint32_t kPieceRecord = 101;
 constexpr std::uint32_t kClosuresRecord = 102;
@@ -50,7 +51,7 @@ constexpr std::uint64_t kIdsMax = 1U << 22U;  // places or sessions of one map; 
 
 // How many records the whole state has. The header says it, so that a lost record is missed.
 std::uint64_t RecordCount(const Engine::State& state) {
-  std::uint64_t count = 3 + state.places.size() + state.sessions.size();  // 3: the single ones
+  std::uint64_t count = 4 + state.places.size() + state.sessions.size();  // 4: the single ones
   for (const SessionState& session : state.sessions) {
     count += session.pieces.size();
   }
@@ -80,8 +81,13 @@ Status ReadRecord(const StateRecord& record, Engine::State& state) {
   switch (record.kind) {
     case kGraphRecord: {
       BinaryReader reader(record.bytes);
-      GraphFields(reader, state);
+      state.graph.BaseFields(reader);
       return reader.Finish("graph record");
+    }
+    case kGraphStepsRecord: {
+      BinaryReader reader(record.bytes);
+      state.graph.StepFields(reader);
+      return reader.Finish("graph steps record");
     }
     case kClosuresRecord:
       return Decode(record, "closures", state.closures);
@@ -155,16 +161,12 @@ Status CheckSession(const SessionState& session, const Engine::State& state) {
 // Every reference from one record to another leads somewhere.
 Status CheckReferences(const Engine::State& state) {
   const std::size_t places = state.places.size();
-  if (state.graph.map_from_node.size() != places ||
-      state.graph.constraints.size() != state.constraint_info.size()) {
+  if (state.graph.map_from_places().size() != places) {
     return DataLossError("graph record: its nodes are not the places");
   }
   LOCI_RETURN_IF_ERROR(Validate(state.settings));
-  if (const Status valid = ValidateGraph(state.graph); !valid.ok()) {
-    return DataLossError("graph record: " + valid.message());
-  }
-  for (const ConstraintInfo& info : state.constraint_info) {
-    if (info.is_closure && info.closure.value >= state.closures.size()) {
+  for (const std::optional<ClosureId>& closure : state.graph.closures()) {
+    if (closure.has_value() && closure->value >= state.closures.size()) {
       return DataLossError("graph record: names a missing closure");
     }
   }
@@ -195,7 +197,8 @@ Status CheckReferences(const Engine::State& state) {
 Digest Engine::StateDigest() const {
   HashArchive archive;
   HeaderFields(archive, *state_);
-  GraphFields(archive, *state_);
+  state_->graph.BaseFields(archive);
+  state_->graph.StepFields(archive);
   archive(state_->closures, state_->places, state_->sessions);
   for (const SessionState& session : state_->sessions) {
     for (const auto& piece : session.pieces) {
@@ -219,10 +222,15 @@ Engine::RecordChanges Engine::ChangesSince(EventNumber since) const {
   const auto is_new = [since](EventNumber changed_by) {
     return since.value == 0 || changed_by > since;
   };
+  if (is_new(state.graph_base_changed_by)) {
+    BinaryWriter base;
+    state_->graph.BaseFields(base);
+    changes.written.push_back({kGraphRecord, 0, base.TakeBytes()});
+  }
   if (is_new(state.graph_changed_by)) {
-    BinaryWriter graph;
-    GraphFields(graph, *state_);
-    changes.written.push_back({kGraphRecord, 0, graph.TakeBytes()});
+    BinaryWriter steps;
+    state_->graph.StepFields(steps);
+    changes.written.push_back({kGraphStepsRecord, 0, steps.TakeBytes()});
   }
   if (is_new(state.closures_changed_by)) {
     changes.written.push_back(RecordOf(kClosuresRecord, 0, state.closures));
@@ -270,15 +278,15 @@ StatusOr<Engine> Engine::FromRecords(const std::vector<StateRecord>& records) {
     return engine;
   }
   LOCI_RETURN_IF_ERROR(ReadPieces(records, state));
+  LOCI_RETURN_IF_ERROR(state.graph.Restore());
   LOCI_RETURN_IF_ERROR(CheckReferences(state));
-  state.graph.fixed.assign(state.places.size(), false);
-  if (!state.graph.fixed.empty()) {
-    state.graph.fixed[0] = true;
-  }
   LOCI_ASSIGN_OR_RETURN(
-      Mesh mesh, Mesh::FromRecords(state.settings.cell_size_m, records, state.graph.map_from_node));
+      Mesh mesh,
+      Mesh::FromRecords(state.settings.cell_size_m, records, state.graph.map_from_places()));
   state.mesh.emplace(std::move(mesh));
   state.graph_changed_by = state.last_event;
+  state.graph_base_changed_by = state.last_event;
+  state.graph_base_count = state.graph.base_count();
   state.closures_changed_by = state.last_event;
   for (Place& place : state.places) {
     place.changed_by = state.last_event;

@@ -10,8 +10,7 @@
 
 #include "core/closure/place_match.h"
 #include "core/engine/engine.h"
-#include "core/graph/pose_graph.h"
-#include "core/graph/sparse_optimizer.h"
+#include "core/engine/map_graph.h"
 #include "core/mesh/mesh.h"
 #include "core/place/place.h"
 #include "core/place/track.h"
@@ -52,12 +51,6 @@ struct SessionState {
 // Poses in a full piece of a trajectory.
 inline constexpr std::size_t kPiecePoses = 1024;
 
-// What the graph's constraints are besides their numbers.
-struct ConstraintInfo {
-  bool is_closure = false;
-  ClosureId closure;  // if it is one
-};
-
 struct Engine::State {
   EventNumber last_event;
   MapSettings settings;
@@ -65,19 +58,17 @@ struct Engine::State {
   std::uint64_t cells_closed = 0;      // by optimising and moving the mesh: the promise is none
   std::vector<SessionState> sessions;  // by SessionId
   std::vector<Place> places;           // by PlaceId
-  PoseGraph graph;                     // node i is place i
-  std::vector<ConstraintInfo> constraint_info;  // one per constraint
-  std::vector<ClosureSnapshot> closures;        // by ClosureId
+  MapGraph graph;
+  std::vector<ClosureSnapshot> closures;  // by ClosureId
   double chi2 = 0.0;
   // Finished places that are to be looked at for consolidation; the last is the next.
   std::vector<PlaceId> consolidation_queue;
   std::optional<Mesh> mesh;  // from the map's creation on
 
-  // Cache: covariances of the graph as it is; none after the graph changed.
-  std::optional<GraphCovariance> covariance;
-
   // Bookkeeping for checkpoints and snapshots, not state.
   EventNumber graph_changed_by;
+  EventNumber graph_base_changed_by;
+  std::uint64_t graph_base_count = 0;  // of the base that graph_base_changed_by speaks of
   EventNumber closures_changed_by;
   std::shared_ptr<const std::vector<ClosureSnapshot>> closures_snapshot;
   std::shared_ptr<const std::vector<ConstraintSnapshot>> constraints_snapshot;
@@ -91,8 +82,6 @@ std::uint64_t SeedOf(const MapSettings& settings,
 
 // The graph changed by the present event: caches of it are void.
 void MarkGraphChanged(Engine::State& state);
-// Covariances of the present graph.
-GraphCovariance& CovarianceOfGraph(Engine::State& state);
 
 // core/engine/closing.cc: looks for closures of a place that was just finished.
 void BeginClosureBatch(PlaceId place, Engine::State& state);

@@ -28,27 +28,11 @@ void Fields(Archive& archive, SessionState& session) {
   archive(session.batches, session.newest, session.piece_count);
 }
 
-template <typename Archive>
-void Fields(Archive& archive, GraphConstraint& constraint) {
-  archive(constraint.from, constraint.to, constraint.from_from_to, constraint.information);
-  archive(constraint.robust);
-}
-
-template <typename Archive>
-void Fields(Archive& archive, ConstraintInfo& info) {
-  archive(info.is_closure, info.closure);
-}
-
 // What is neither a place, a session, a closure nor the mesh.
 template <typename Archive>
 void HeaderFields(Archive& archive, Engine::State& state) {
   archive(state.last_event, state.settings, state.cells_integrated, state.cells_closed, state.chi2);
   archive(state.consolidation_queue);
-}
-
-template <typename Archive>
-void GraphFields(Archive& archive, Engine::State& state) {
-  archive(state.graph.map_from_node, state.graph.constraints, state.constraint_info);
 }
 
 }  // namespace loci

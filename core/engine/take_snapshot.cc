@@ -21,7 +21,7 @@ SessionSnapshot SnapshotOf(std::size_t index, const Engine::State& state) {
   snapshot.first_stamp_ns = session.first_stamp_ns;
   snapshot.last_stamp_ns = session.last_stamp_ns;
   snapshot.map_from_robot =
-      state.graph.map_from_node[session.track.place.value] * session.track.place_from_robot;
+      state.graph.map_from_place(session.track.place) * session.track.place_from_robot;
   snapshot.map_from_odom = snapshot.map_from_robot * Inverse(session.track.odom_from_robot);
   snapshot.trajectory = session.pieces;
   if (!session.newest.empty()) {
@@ -32,12 +32,13 @@ SessionSnapshot SnapshotOf(std::size_t index, const Engine::State& state) {
 
 std::shared_ptr<const std::vector<ConstraintSnapshot>> ConstraintsOf(const Engine::State& state) {
   auto constraints = std::make_shared<std::vector<ConstraintSnapshot>>();
-  constraints->reserve(state.graph.constraints.size());
-  for (std::size_t i = 0; i < state.graph.constraints.size(); ++i) {
-    const GraphConstraint& constraint = state.graph.constraints[i];
+  const PoseGraph& graph = state.graph.graph();
+  constraints->reserve(graph.constraints.size());
+  for (std::size_t i = 0; i < graph.constraints.size(); ++i) {
+    const GraphConstraint& constraint = graph.constraints[i];
     constraints->push_back({PlaceId{constraint.from},
                             PlaceId{constraint.to},
-                            state.constraint_info[i].is_closure,
+                            state.graph.closures()[i].has_value(),
                             constraint.from_from_to,
                             constraint.information});
   }
@@ -57,7 +58,7 @@ std::shared_ptr<const Snapshot> Engine::TakeSnapshot() {
   for (Place& place : state.places) {
     snapshot->places.push_back({place.id,
                                 place.session,
-                                state.graph.map_from_node[place.id.value],
+                                state.graph.map_from_place(place.id),
                                 place.finished,
                                 place.consolidated});
     if (!place.consolidated) {
@@ -80,9 +81,7 @@ std::shared_ptr<const Snapshot> Engine::TakeSnapshot() {
     snapshot->cells_written.consolidate = state.mesh->cells_consolidated();
     snapshot->cells_written.remesh = state.mesh->cells_remeshed();
   }
-  for (const ConstraintInfo& info : state.constraint_info) {
-    snapshot->closures_accepted += info.is_closure ? 1U : 0U;
-  }
+  snapshot->closures_accepted = static_cast<std::uint32_t>(state.graph.closure_count());
   snapshot->chi2 = state.chi2;
   return snapshot;
 }

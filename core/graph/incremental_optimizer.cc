@@ -10,6 +10,7 @@
 #include "core/base/check.h"
 #include "core/graph/joint_constraint.h"
 #include "core/graph/plane_problem.h"
+#include "core/graph/relative_covariance.h"
 
 namespace loci {
 namespace {
@@ -53,12 +54,50 @@ std::uint32_t IncrementalOptimizer::AddPoint(const Eigen::Vector2d& point_in_map
   return index;
 }
 
+void IncrementalOptimizer::Load(const PoseGraph& graph) {
+  LOCI_CHECK(nodes_.empty() && points_.empty());
+  LOCI_CHECK(graph.pose_priors.empty() && graph.position_priors.empty() &&
+             graph.fixed_points.empty());
+  for (std::size_t node = 0; node < graph.map_from_node.size(); ++node) {
+    AddNode(graph.map_from_node[node], graph.IsFixed(node));
+  }
+  for (const Eigen::Vector2d& point : graph.points_in_map) {
+    AddPoint(point);
+  }
+  const auto weight_of = [&](const auto& constraint) {
+    return constraint.robust ? options_.kernel.Weight(Chi2Of(graph, constraint)) : 1.0;
+  };
+  for (const GraphConstraint& constraint : graph.constraints) {
+    Join(constraint.from, constraint.to, nullptr);
+    Append(constraint, weight_of(constraint));
+  }
+  for (const PointConstraint& constraint : graph.point_constraints) {
+    Append(constraint, weight_of(constraint));
+  }
+  for (const JointConstraint& constraint : graph.joint_constraints) {
+    for (const std::uint32_t node : constraint.nodes) {
+      Join(constraint.nodes.front(), node, nullptr);
+    }
+    AddJoint(constraint);
+  }
+}
+
 std::uint32_t IncrementalOptimizer::AddConstraint(const GraphConstraint& constraint) {
   LOCI_CHECK(IsThere(constraint.from) && IsThere(constraint.to));
   Join(constraint.from, constraint.to, &constraint.from_from_to);
+  return Append(constraint, 1.0);
+}
+
+std::uint32_t IncrementalOptimizer::AddConstraint(const PointConstraint& constraint) {
+  LOCI_CHECK(IsThere(constraint.from));
+  return Append(constraint, 1.0);
+}
+
+std::uint32_t IncrementalOptimizer::Append(const GraphConstraint& constraint, double weight) {
   const auto index = static_cast<std::uint32_t>(graph_.constraints.size());
   graph_.constraints.push_back(constraint);
   states_.push_back(ConstraintState::kThere);
+  weights_.push_back(weight);
   terms_.push_back(kNone);
   for (const std::uint32_t node : {constraint.from, constraint.to}) {
     nodes_[node].constraints.push_back(index);
@@ -76,8 +115,7 @@ std::uint32_t IncrementalOptimizer::AddConstraint(const GraphConstraint& constra
   return index;
 }
 
-std::uint32_t IncrementalOptimizer::AddConstraint(const PointConstraint& constraint) {
-  LOCI_CHECK(IsThere(constraint.from));
+std::uint32_t IncrementalOptimizer::Append(const PointConstraint& constraint, double weight) {
   Point& point = points_[constraint.point];
   if (point.variable == kNone) {
     point.variable = AddVariable(2, {constraint.point, true});
@@ -89,6 +127,7 @@ std::uint32_t IncrementalOptimizer::AddConstraint(const PointConstraint& constra
   point.point_constraints.push_back(index);
   nodes_[constraint.from].point_constraints.push_back(index);
   StiffenBy(constraint);
+  point_weights_.push_back(weight);
   point_terms_.push_back(kNone);
   point_removed_.push_back(false);
   MakePointTerm(index);
@@ -212,23 +251,22 @@ void IncrementalOptimizer::MakePointTerm(std::uint32_t index) {
 void IncrementalOptimizer::SetTerm(std::uint32_t index) {
   if (terms_[index] != kNone) {
     const GraphConstraint& constraint = graph_.constraints[index];
-    WriteConstraint(constraint, !nodes_[constraint.to].held, terms_[index]);
+    WriteConstraint(constraint, weights_[index], !nodes_[constraint.to].held, terms_[index]);
   }
 }
 
 void IncrementalOptimizer::SetPointTerm(std::uint32_t index) {
-  WriteConstraint(graph_.point_constraints[index], true, point_terms_[index]);
+  WriteConstraint(
+      graph_.point_constraints[index], point_weights_[index], true, point_terms_[index]);
 }
 
-// As it is at the present linearisation, with the kernel's weight there.
+// As it is at the present linearisation.
 template <typename Constraint>
 void IncrementalOptimizer::WriteConstraint(const Constraint& constraint,
+                                           double weight,
                                            bool second_is_free,
                                            std::uint32_t term) {
-  const auto linearised = Linearised(graph_, constraint);
-  const double chi2 = linearised.error.dot(constraint.information * linearised.error);
-  const double weight = constraint.robust ? options_.kernel.Weight(chi2) : 1.0;
-  WriteTerm(linearised,
+  WriteTerm(Linearised(graph_, constraint),
             (weight * constraint.information).eval(),
             !nodes_[constraint.from].held,
             second_is_free,
@@ -357,13 +395,58 @@ Eigen::Vector2d IncrementalOptimizer::point_in_map(std::uint32_t point) const {
   return linearised + Eigen::Vector2d(shift[0], shift[1]);
 }
 
+double IncrementalOptimizer::PresentWeight(std::uint32_t index) const {
+  const GraphConstraint& constraint = graph_.constraints[index];
+  return options_.kernel.Weight(
+      Chi2Of(constraint, map_from_node(constraint.from), map_from_node(constraint.to)));
+}
+
+double IncrementalOptimizer::PresentPointWeight(std::uint32_t index) const {
+  const PointConstraint& constraint = graph_.point_constraints[index];
+  return options_.kernel.Weight(
+      Chi2Of(constraint, map_from_node(constraint.from), point_in_map(constraint.point)));
+}
+
+// Weighs the robust constraints of what was solved anew, where that makes a difference. True if it
+// does.
+bool IncrementalOptimizer::Reweigh(std::span<const std::uint32_t> solved) {
+  if (options_.kernel.shape == RobustKernel::Shape::kNone) {
+    return false;
+  }
+  bool any = false;
+  const auto differs = [&](double present, double& weight) {
+    if (std::abs(present - weight) <= options_.reweigh * weight) {
+      return false;
+    }
+    weight = present;
+    any = true;
+    return true;
+  };
+  for (const std::uint32_t variable : solved) {
+    const Owner owner = owners_[variable];
+    if (!owner.is_point) {
+      for (const std::uint32_t index : nodes_[owner.index].constraints) {
+        if (graph_.constraints[index].robust && differs(PresentWeight(index), weights_[index])) {
+          SetTerm(index);
+        }
+      }
+    }
+    for (const std::uint32_t index : owner.is_point ? points_[owner.index].point_constraints
+                                                    : nodes_[owner.index].point_constraints) {
+      if (graph_.point_constraints[index].robust &&
+          differs(PresentPointWeight(index), point_weights_[index])) {
+        SetPointTerm(index);
+      }
+    }
+  }
+  return any;
+}
+
 UpdateSummary IncrementalOptimizer::Update() {
   UpdateSummary summary;
-  updated_ = true;
   std::vector<std::uint32_t> moved;
   while (summary.iterations < options_.iterations_max) {
-    // Many are a graph that is loaded, whose order should be that of a batch.
-    if (!tree_.Eliminate(recent_.size() < kRecentMax ? recent_ : std::vector<std::uint32_t>())) {
+    if (!Factorise()) {
       summary.determined = false;
       return summary;
     }
@@ -371,8 +454,9 @@ UpdateSummary IncrementalOptimizer::Update() {
     summary.eliminated += tree_.eliminated_count();
     moved.clear();
     tree_.Solve(options_.step_min, moved);
+    const bool reweighed = Reweigh(moved);
     std::erase_if(moved, [this](std::uint32_t variable) { return !HasMoved(variable); });
-    if (moved.empty()) {
+    if (moved.empty() && !reweighed) {
       summary.converged = true;
       break;
     }
@@ -380,6 +464,39 @@ UpdateSummary IncrementalOptimizer::Update() {
     Relinearise(moved);
   }
   return summary;
+}
+
+bool IncrementalOptimizer::Factorise() {
+  updated_ = true;
+  // Many are a graph that is loaded, whose order should be that of a batch.
+  return tree_.Eliminate(recent_.size() < kRecentMax ? recent_ : std::vector<std::uint32_t>());
+}
+
+// Always from the columns of the larger index: the two ways to the same block differ in the last
+// bit.
+Eigen::Matrix3d IncrementalOptimizer::CovarianceBlock(std::uint32_t row,
+                                                      std::uint32_t column) const {
+  LOCI_CHECK(IsThere(row) && IsThere(column));
+  if (nodes_[row].held || nodes_[column].held) {
+    return Eigen::Matrix3d::Zero();
+  }
+  const Eigen::Matrix3d block = tree_.InverseBlock(nodes_[std::min(row, column)].variable,
+                                                   nodes_[std::max(row, column)].variable);
+  if (row <= column) {
+    return block;
+  }
+  return block.transpose();
+}
+
+Eigen::Matrix3d IncrementalOptimizer::RelativeCovariance(std::uint32_t from,
+                                                         std::uint32_t to) const {
+  if (from == to) {
+    return Eigen::Matrix3d::Zero();
+  }
+  return RelativeCovarianceOf(Inverse(map_from_node(to)) * map_from_node(from),
+                              CovarianceBlock(from, from),
+                              CovarianceBlock(from, to),
+                              CovarianceBlock(to, to));
 }
 
 PoseGraph IncrementalOptimizer::Graph() const {

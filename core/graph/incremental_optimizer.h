@@ -26,6 +26,8 @@ struct IncrementalOptions {
   // A step is passed on to a node only if it moves what the node is tied to by more than this.
   double step_min = 5e-4;
   RobustKernel kernel;  // for constraints marked robust
+  // One of those is weighed anew once its weight has changed by more than this part of it.
+  double reweigh = 1e-3;
   // A node is not marginalised while fewer constraints than this have come after one of its own:
   // until then that one may be taken back. A closure is judged by those that follow it.
   std::uint32_t retract_window = 100;
@@ -43,7 +45,7 @@ struct UpdateSummary {
 };
 
 // What the optimiser's memory grows with, apart from what each number that it has given costs for
-// good: about 132 bytes for a node, 48 for a point, 117 for a constraint of poses and 84 for one of
+// good: about 132 bytes for a node, 48 for a point, 125 for a constraint of poses and 92 for one of
 // a point, and up to twice that while vectors have room to grow. Numbers are never used again, so
 // that this grows with all that ever came.
 struct IncrementalSize {
@@ -64,11 +66,19 @@ struct IncrementalSize {
 // one without a fixed node, whichever has the lower node; if neither has one, that with the higher
 // lowest node. If both have one, neither moves as a whole.
 //
+// A robust constraint counts in full until a first step has been taken with it, and by the kernel
+// from then on: the map may be far from where a right closure leads. Those that are loaded are
+// weighed at once.
+//
 // Nodes can be marginalised (marginalise.h), so that a graph can be bounded by area. What they
 // leave over the same nodes is added up, so that it is bounded too.
 class IncrementalOptimizer {
  public:
   explicit IncrementalOptimizer(const IncrementalOptions& options);
+
+  // Takes a whole graph, where it is, without priors and fixed points. Nothing has been added
+  // before.
+  void Load(const PoseGraph& graph);
 
   // Nodes and points are numbered from 0 as they come; numbers are never used again.
   std::uint32_t AddNode(const Pose2& map_from_node, bool fixed);
@@ -94,6 +104,16 @@ class IncrementalOptimizer {
 
   // Moves all to the optimum, or on the way to it.
   UpdateSummary Update();
+
+  // Makes covariances those of the present linearisation, which they are after an Update that has
+  // converged. False if something is not tied in all directions: there are none then.
+  bool Factorise();
+  // A block of the covariance of all nodes' map_from_node * Exp(xi), (x, y, theta), relative to the
+  // nodes that are held. Costs the fronts above the two in the elimination tree.
+  Eigen::Matrix3d CovarianceBlock(std::uint32_t row, std::uint32_t column) const;
+  // Of from_from_to = Inverse(map_from_from) * map_from_to, as from_from_to * Exp(xi). For nodes of
+  // two components the answer says nothing about their relation, since both are held.
+  Eigen::Matrix3d RelativeCovariance(std::uint32_t from, std::uint32_t to) const;
 
   Pose2 map_from_node(std::uint32_t node) const;
   Eigen::Vector2d point_in_map(std::uint32_t point) const;
@@ -138,6 +158,8 @@ class IncrementalOptimizer {
 
   std::uint32_t AddVariable(int size, Owner owner);
   std::uint32_t FindRoot(std::uint32_t node);
+  std::uint32_t Append(const GraphConstraint& constraint, double weight);
+  std::uint32_t Append(const PointConstraint& constraint, double weight);
   void Join(std::uint32_t from, std::uint32_t to, const Pose2* from_from_to);
   std::vector<std::uint32_t> ConnectedTo(std::uint32_t node) const;
   bool AreConnected(std::uint32_t a, std::uint32_t b) const;
@@ -154,7 +176,13 @@ class IncrementalOptimizer {
   void SetPointTerm(std::uint32_t constraint);
   void SetJointTerm(std::uint32_t joint);
   template <typename Constraint>
-  void WriteConstraint(const Constraint& constraint, bool second_is_free, std::uint32_t term);
+  void WriteConstraint(const Constraint& constraint,
+                       double weight,
+                       bool second_is_free,
+                       std::uint32_t term);
+  double PresentWeight(std::uint32_t constraint) const;
+  double PresentPointWeight(std::uint32_t constraint) const;
+  bool Reweigh(std::span<const std::uint32_t> solved);
   void RemakeTermsOf(std::uint32_t node);
   void Detach(std::uint32_t constraint, ConstraintState state);
   void AddJoint(JointConstraint joint);
@@ -186,6 +214,8 @@ class IncrementalOptimizer {
   std::vector<std::uint32_t> terms_;        // per constraint; kNone: removed, or all of it is held
   std::vector<std::uint32_t> point_terms_;  // per point constraint
   std::vector<std::uint32_t> joint_terms_;  // per joint constraint; the same
+  std::vector<double> weights_;             // per constraint, by the kernel; 1 if it is not robust
+  std::vector<double> point_weights_;       // per point constraint; the same
   std::vector<ConstraintState> states_;     // of constraints
   std::vector<bool> point_removed_;         // point constraints
   std::vector<std::uint32_t> free_joints_;  // joint constraints that are not there

@@ -175,17 +175,29 @@ void Join(std::vector<std::uint32_t>& parent, std::uint32_t a, std::uint32_t b) 
   parent[std::max(root_a, root_b)] = std::min(root_a, root_b);
 }
 
-}  // namespace
-
-Eigen::Vector3d ErrorOf(const PoseGraph& graph, const GraphConstraint& constraint) {
-  const Pose2 predicted_from_from_to =
-      Inverse(graph.map_from_node[constraint.from]) * graph.map_from_node[constraint.to];
+Eigen::Vector3d ErrorBetween(const GraphConstraint& constraint,
+                             const Pose2& map_from_from,
+                             const Pose2& map_from_to) {
+  const Pose2 predicted_from_from_to = Inverse(map_from_from) * map_from_to;
   return (Inverse(constraint.from_from_to) * predicted_from_from_to).vector();
 }
 
+Eigen::Vector2d ErrorBetween(const PointConstraint& constraint,
+                             const Pose2& map_from_from,
+                             const Eigen::Vector2d& point_in_map) {
+  return Inverse(map_from_from) * point_in_map - constraint.point_in_from;
+}
+
+}  // namespace
+
+Eigen::Vector3d ErrorOf(const PoseGraph& graph, const GraphConstraint& constraint) {
+  return ErrorBetween(
+      constraint, graph.map_from_node[constraint.from], graph.map_from_node[constraint.to]);
+}
+
 Eigen::Vector2d ErrorOf(const PoseGraph& graph, const PointConstraint& constraint) {
-  return Inverse(graph.map_from_node[constraint.from]) * graph.points_in_map[constraint.point] -
-         constraint.point_in_from;
+  return ErrorBetween(
+      constraint, graph.map_from_node[constraint.from], graph.points_in_map[constraint.point]);
 }
 
 Eigen::Vector3d ErrorOf(const PoseGraph& graph, const PosePrior& prior) {
@@ -229,6 +241,20 @@ double Chi2Of(const PoseGraph& graph, const PositionPrior& prior) {
 
 double Chi2Of(const PoseGraph& graph, const JointConstraint& constraint) {
   const Eigen::VectorXd error = ErrorOf(graph, constraint);
+  return error.dot(constraint.information * error);
+}
+
+double Chi2Of(const GraphConstraint& constraint,
+              const Pose2& map_from_from,
+              const Pose2& map_from_to) {
+  const Eigen::Vector3d error = ErrorBetween(constraint, map_from_from, map_from_to);
+  return error.dot(constraint.information * error);
+}
+
+double Chi2Of(const PointConstraint& constraint,
+              const Pose2& map_from_from,
+              const Eigen::Vector2d& point_in_map) {
+  const Eigen::Vector2d error = ErrorBetween(constraint, map_from_from, point_in_map);
   return error.dot(constraint.information * error);
 }
 

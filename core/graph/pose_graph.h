@@ -104,6 +104,13 @@ double Chi2Of(const PoseGraph& graph, const PointConstraint& constraint);
 double Chi2Of(const PoseGraph& graph, const PosePrior& prior);
 double Chi2Of(const PoseGraph& graph, const PositionPrior& prior);
 double Chi2Of(const PoseGraph& graph, const JointConstraint& constraint);
+// The same with the ends somewhere else.
+double Chi2Of(const GraphConstraint& constraint,
+              const Pose2& map_from_from,
+              const Pose2& map_from_to);
+double Chi2Of(const PointConstraint& constraint,
+              const Pose2& map_from_from,
+              const Eigen::Vector2d& point_in_map);
 
 // The sum over all constraints and priors, in the order of their index; no kernel, no factor 1/2.
 double Chi2(const PoseGraph& graph);

@@ -10,6 +10,7 @@
 #include "core/graph/align_to_priors.h"
 #include "core/graph/least_squares.h"
 #include "core/graph/plane_problem.h"
+#include "core/graph/relative_covariance.h"
 
 namespace loci {
 
@@ -140,20 +141,16 @@ Eigen::Matrix3d GraphCovariance::Marginal(std::uint32_t node) {
   return 0.5 * (block + block.transpose());
 }
 
-// from_from_to * Exp(xi) with xi = xi_to - Adjoint(to_from_from) * xi_from, to first order.
 Eigen::Matrix3d GraphCovariance::Relative(std::uint32_t from, std::uint32_t to) {
   const std::vector<Pose2>& map_from_node = factor_->graph.map_from_node;
   LOCI_CHECK(from < map_from_node.size() && to < map_from_node.size());
   if (from == to) {
     return Eigen::Matrix3d::Zero();
   }
-  const Eigen::Matrix3d adjoint = Adjoint(Inverse(map_from_node[to]) * map_from_node[from]);
-  const Eigen::Matrix3d from_to = factor_->Cross(from, to);
-  const Eigen::Matrix3d from_from = factor_->Diagonal(from);
-  const Eigen::Matrix3d to_to = factor_->Diagonal(to);
-  const Eigen::Matrix3d sum = to_to + adjoint * from_from * adjoint.transpose() -
-                              adjoint * from_to - from_to.transpose() * adjoint.transpose();
-  return 0.5 * (sum + sum.transpose());
+  return RelativeCovarianceOf(Inverse(map_from_node[to]) * map_from_node[from],
+                              factor_->Diagonal(from),
+                              factor_->Cross(from, to),
+                              factor_->Diagonal(to));
 }
 
 Eigen::MatrixXd GraphCovariance::Joint(std::span<const std::uint32_t> nodes) {

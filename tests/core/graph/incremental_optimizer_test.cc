@@ -237,6 +237,94 @@ TEST(IncrementalOptimizerTest, APartThatIsCutOffHoldsItsLowestNode) {
   EXPECT_NEAR(optimizer.map_from_node(3).x, 9.0, 1e-9);
 }
 
+double RobustCost(const PoseGraph& graph, const RobustKernel& kernel) {
+  double cost = 0.0;
+  for (const GraphConstraint& constraint : graph.constraints) {
+    const double chi2 = Chi2Of(graph, constraint);
+    cost += constraint.robust ? kernel.Rho(chi2) : chi2;
+  }
+  return cost;
+}
+
+TEST(IncrementalOptimizerTest, RobustConstraintsEndAtTheOptimumOfTheKernel) {
+  IncrementalOptions options = ExactOptions();
+  options.kernel = {RobustKernel::Shape::kCauchy, 2.0};
+  options.reweigh = 1e-9;
+  IncrementalOptimizer optimizer(options);
+  PoseGraph whole = RandomLoopGraph(11, 120);
+  for (std::size_t i = 0; i < whole.constraints.size(); i += 9) {  // some are off by much
+    if (whole.constraints[i].robust) {
+      whole.constraints[i].from_from_to = whole.constraints[i].from_from_to * Pose2{0.5, 0.3, 0.2};
+    }
+  }
+  Replay(whole, optimizer, [&](std::uint32_t node, const UpdateSummary& update) {
+    ASSERT_TRUE(update.converged) << node;
+    if (node % 20 == 19) {
+      PoseGraph graph = optimizer.Graph();
+      const double cost = RobustCost(graph, options.kernel);
+      SparseOptions batch;
+      batch.kernel = options.kernel;
+      OptimizeSparse(graph, batch);
+      EXPECT_NEAR(cost, RobustCost(graph, options.kernel), 1e-6 * (1.0 + cost)) << node;
+    }
+  });
+}
+
+TEST(IncrementalOptimizerTest, ARightClosureFarOffIsBelievedBeforeItIsWeighed) {
+  // A loop of 100 nodes whose odometry turns too far: the ends are apart by hundreds of sigma of
+  // the closure, which by the kernel would hardly pull.
+  IncrementalOptions options = ExactOptions();
+  options.kernel = {RobustKernel::Shape::kCauchy, 1.0};
+  IncrementalOptimizer optimizer(options);
+  const Eigen::Matrix3d loose = Eigen::Vector3d(100.0, 100.0, 100.0).asDiagonal();
+  optimizer.AddNode({}, true);
+  const Pose2 step{1.0, 0.0, 2.0 * kPi / 100.0 * 1.05};
+  for (std::uint32_t node = 1; node <= 100; ++node) {
+    optimizer.AddNode({}, false);
+    optimizer.AddConstraint(GraphConstraint{node - 1, node, step, loose, false});
+  }
+  ASSERT_TRUE(optimizer.Update().converged);
+  EXPECT_GT(optimizer.map_from_node(100).translation().norm(), 0.5);
+  optimizer.AddConstraint(GraphConstraint{0, 100, {}, 1e6 * Eigen::Matrix3d::Identity(), true});
+  ASSERT_TRUE(optimizer.Update().converged);
+  EXPECT_LT(optimizer.map_from_node(100).translation().norm(), 0.01);
+}
+
+TEST(IncrementalOptimizerTest, AGraphThatIsLoadedStaysWhereItIsAndGoesOnFromThere) {
+  PoseGraph whole = RandomLoopGraph(12, 90);
+  AddPoints(12, 20, whole);
+  OptimizeSparse(whole, SparseOptions{});
+  IncrementalOptimizer optimizer(ExactOptions());
+  optimizer.Load(whole);
+  for (std::uint32_t node = 0; node < 90; ++node) {
+    EXPECT_EQ(optimizer.map_from_node(node), whole.map_from_node[node]) << node;
+  }
+  ASSERT_TRUE(optimizer.Update().converged);
+  EXPECT_NEAR(Chi2(optimizer.Graph()), Chi2(whole), 1e-9 * Chi2(whole));
+  const std::uint32_t next = optimizer.AddNode({}, false);
+  const Eigen::Matrix3d information = 100.0 * Eigen::Matrix3d::Identity();
+  optimizer.AddConstraint(GraphConstraint{89, next, {4.0, 0.0, 0.0}, information, false});
+  optimizer.AddConstraint(GraphConstraint{70, next, {0.1, 0.2, 0.1}, information, false});
+  ASSERT_TRUE(optimizer.Update().converged);
+  const PoseGraph graph = optimizer.Graph();
+  EXPECT_NEAR(Chi2(graph), OptimumNear(graph), 1e-6 * Chi2(graph));
+}
+
+TEST(IncrementalOptimizerTest, CovariancesAreThoseOfTheBatch) {
+  IncrementalOptimizer optimizer(ExactOptions());
+  Replay(RandomLoopGraph(13, 80), optimizer, [](std::uint32_t, const UpdateSummary&) {});
+  ASSERT_TRUE(optimizer.Factorise());
+  StatusOr<GraphCovariance> batch = GraphCovariance::Compute(optimizer.Graph(), RobustKernel{});
+  ASSERT_THAT(batch, IsOk());
+  for (std::uint32_t from = 0; from < 80; from += 9) {
+    for (std::uint32_t to = 0; to < 80; to += 13) {
+      const Eigen::Matrix3d expected = batch->Relative(from, to);
+      EXPECT_LE((optimizer.RelativeCovariance(from, to) - expected).norm(), 1e-7 * expected.norm())
+          << from << " " << to;
+    }
+  }
+}
+
 TEST(IncrementalOptimizerTest, NothingMovesWhileSomethingIsLoose) {
   IncrementalOptimizer optimizer(ExactOptions());
   optimizer.AddNode({}, false);

@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/engine/map_graph.h"
+
+#include <algorithm>
+#include <numeric>
+#include <string>
+#include <tuple>
+
+#include "core/base/check.h"
+#include "core/graph/optimize.h"
+#include "core/graph/relative_covariance.h"
+
+namespace loci {
+namespace {
+
+// After so many the present graph becomes the base: a map is read from its records in the time of
+// so many steps, and what linearisation leaves does not add up.
+constexpr std::size_t kStepsMax = 256;
+
+// A step may raise the cost by what linearisation neglects.
+constexpr double kCostSlack = 1e-2;
+constexpr double kRelativeCostSlack = 1e-3;
+
+// Closures may be wrong: beyond three sigma they pull less and less.
+RobustKernel ClosureKernel() {
+  return {RobustKernel::Shape::kCauchy, 3.0};
+}
+
+IncrementalOptions OptionsOfSteps() {
+  IncrementalOptions options;
+  options.kernel = ClosureKernel();
+  options.iterations_max = 30;  // each step ends at the optimum, however far that is
+  options.step_min = 1e-6;      // m: nothing of a map shows less
+  return options;
+}
+
+bool IsBefore(const MapConstraint& a, const MapConstraint& b) {
+  return std::tie(a.constraint.from, a.constraint.to, a.closure) <
+         std::tie(b.constraint.from, b.constraint.to, b.closure);
+}
+
+Status MisfitError(const std::string& what) {
+  return DataLossError("graph record: " + what);
+}
+
+}  // namespace
+
+MapGraph::MapGraph() : optimizer_(OptionsOfSteps()) {}
+
+std::size_t MapGraph::closure_count() const {
+  return static_cast<std::size_t>(std::count_if(
+      closures_.begin(), closures_.end(), [](const auto& closure) { return closure.has_value(); }));
+}
+
+void MapGraph::AddPlace(const Pose2& map_from_place, const std::optional<GraphConstraint>& tie) {
+  Step step{StepKind::kPlace, map_from_place, {}, {}};
+  if (tie.has_value()) {
+    step.constraints.push_back({*tie, {}});
+  }
+  Take(std::move(step));
+}
+
+void MapGraph::AddClosures(std::vector<MapConstraint> closures) {
+  std::sort(closures.begin(), closures.end(), IsBefore);
+  Take({StepKind::kClosures, {}, std::move(closures), {}});
+}
+
+void MapGraph::RemoveClosure(ClosureId closure) {
+  Take({StepKind::kRemoval, {}, {}, closure});
+}
+
+// What is robust counts by the kernel.
+double MapGraph::Cost() const {
+  const RobustKernel kernel = ClosureKernel();
+  double cost = 0.0;
+  for (const GraphConstraint& constraint : present_.constraints) {
+    const double chi2 = Chi2Of(present_, constraint);
+    cost += constraint.robust ? kernel.Rho(chi2) : chi2;
+  }
+  return cost;
+}
+
+void MapGraph::Take(Step step) {
+  LOCI_CHECK(CheckStep(step).ok());
+  Add(step);
+  const std::vector<Pose2> poses_before = present_.map_from_node;
+  const bool is_place = step.kind == StepKind::kPlace;
+  const double cost_before = is_place ? 0.0 : Cost();
+  const bool converged = Optimise(step);
+  const bool is_worse =
+      !is_place && !(Cost() <= cost_before * (1.0 + kRelativeCostSlack) + kCostSlack);
+  steps_.push_back(std::move(step));
+  if (!converged || is_worse) {
+    present_.map_from_node = poses_before;
+    OptimizeOptions options;
+    options.sparse.kernel = ClosureKernel();
+    LOCI_CHECK(OptimizeGraph(present_, options).ok());
+    BeginBase();
+  } else if (steps_.size() == kStepsMax) {
+    SparseOptions options;
+    options.kernel = ClosureKernel();
+    OptimizeSparse(present_, options);
+    BeginBase();
+  }
+}
+
+void MapGraph::Add(const Step& step) {
+  if (step.kind == StepKind::kPlace) {
+    const bool is_origin = present_.map_from_node.empty();
+    optimizer_.AddNode(step.map_from_place, is_origin);
+    present_.map_from_node.push_back(step.map_from_place);
+    present_.fixed.push_back(is_origin);
+  }
+  for (const MapConstraint& each : step.constraints) {
+    numbers_.push_back(optimizer_.AddConstraint(each.constraint));
+    present_.constraints.push_back(each.constraint);
+    closures_.push_back(each.closure);
+  }
+  if (step.kind == StepKind::kRemoval) {
+    const auto at = std::find(closures_.begin(), closures_.end(), step.removed) - closures_.begin();
+    LOCI_CHECK(optimizer_.RemoveConstraint(numbers_[static_cast<std::size_t>(at)]).ok());
+    present_.constraints.erase(present_.constraints.begin() + at);
+    closures_.erase(closures_.begin() + at);
+    numbers_.erase(numbers_.begin() + at);
+  }
+}
+
+// False: it is not at the optimum.
+bool MapGraph::Optimise(const Step& step) {
+  covariance_blocks_.clear();
+  const bool converged = optimizer_.Update().converged;
+  // A place is added where its tie says. What moves then is rounding, and would look like news.
+  if (step.kind != StepKind::kPlace) {
+    MovePlaces();
+  }
+  return converged;
+}
+
+void MapGraph::MovePlaces() {
+  for (std::uint32_t node = 0; node < present_.map_from_node.size(); ++node) {
+    present_.map_from_node[node] = optimizer_.map_from_node(node);
+  }
+}
+
+void MapGraph::BeginBase() {
+  base_poses_ = present_.map_from_node;
+  base_constraints_.clear();
+  for (std::size_t i = 0; i < closures_.size(); ++i) {
+    base_constraints_.push_back({present_.constraints[i], closures_[i]});
+  }
+  ++base_count_;
+  steps_.clear();
+  steps_base_ = base_count_;
+  LOCI_CHECK(LoadBase());
+}
+
+// False if a place is not tied in all directions.
+bool MapGraph::LoadBase() {
+  present_ = {};
+  present_.map_from_node = base_poses_;
+  present_.fixed.assign(base_poses_.size(), false);
+  if (!base_poses_.empty()) {
+    present_.fixed.front() = true;
+  }
+  closures_.clear();
+  for (const MapConstraint& each : base_constraints_) {
+    present_.constraints.push_back(each.constraint);
+    closures_.push_back(each.closure);
+  }
+  numbers_.resize(closures_.size());
+  std::iota(numbers_.begin(), numbers_.end(), 0U);
+  optimizer_ = IncrementalOptimizer(OptionsOfSteps());
+  optimizer_.Load(present_);
+  covariance_blocks_.clear();
+  const bool determined = optimizer_.Update().converged || optimizer_.Factorise();
+  MovePlaces();
+  return determined;
+}
+
+Status MapGraph::CheckBase() const {
+  if (steps_base_ != base_count_) {
+    return MisfitError("its steps follow another base");
+  }
+  // What the steps bring is checked with it: of each constraint alone, whatever it is tied to.
+  PoseGraph all;
+  all.map_from_node = base_poses_;
+  for (const MapConstraint& each : base_constraints_) {
+    all.constraints.push_back(each.constraint);
+  }
+  if (const Status valid = ValidateGraph(all); !valid.ok()) {
+    return MisfitError(valid.message());
+  }
+  for (const Step& step : steps_) {
+    if (step.kind == StepKind::kPlace) {
+      all.map_from_node.push_back(step.map_from_place);
+    }
+    for (const MapConstraint& each : step.constraints) {
+      all.constraints.push_back(each.constraint);
+    }
+  }
+  if (const Status valid = ValidateGraph(all); !valid.ok()) {
+    return MisfitError(valid.message());
+  }
+  return {};
+}
+
+// Of what has been validated: whether it can be the next step.
+Status MapGraph::CheckStep(const Step& step) const {
+  const std::size_t places = present_.map_from_node.size();
+  const auto names_places_below = [&](std::size_t count) {
+    return std::all_of(
+        step.constraints.begin(), step.constraints.end(), [&](const MapConstraint& each) {
+          return each.constraint.from < count && each.constraint.to < count;
+        });
+  };
+  switch (step.kind) {
+    case StepKind::kPlace:
+      if (step.constraints.size() == (places == 0 ? 0U : 1U) && names_places_below(places + 1) &&
+          (places == 0 || std::max(step.constraints[0].constraint.from,
+                                   step.constraints[0].constraint.to) == places)) {
+        return {};
+      }
+      return MisfitError("place " + std::to_string(places) + " is not tied to one before it");
+    case StepKind::kClosures:
+      return names_places_below(places) ? Status() : MisfitError("a closure names a missing place");
+    case StepKind::kRemoval:
+      return std::find(closures_.begin(), closures_.end(), step.removed) != closures_.end()
+                 ? Status()
+                 : MisfitError("removes a closure that is not there");
+  }
+  return MisfitError("a step of no known kind");
+}
+
+Status MapGraph::Restore() {
+  LOCI_RETURN_IF_ERROR(CheckBase());
+  if (!LoadBase()) {
+    return MisfitError("a place is not tied in all directions");
+  }
+  for (const Step& step : steps_) {
+    LOCI_RETURN_IF_ERROR(CheckStep(step));
+    Add(step);
+    if (!Optimise(step) && !optimizer_.Factorise()) {
+      return MisfitError("a place is not tied in all directions");
+    }
+  }
+  return {};
+}
+
+Eigen::Matrix3d MapGraph::CovarianceBlock(std::uint32_t row, std::uint32_t column) {
+  const auto [found, is_new] = covariance_blocks_.try_emplace({row, column});
+  if (is_new) {
+    found->second = optimizer_.CovarianceBlock(row, column);
+  }
+  return found->second;
+}
+
+Eigen::Matrix3d MapGraph::RelativeCovariance(PlaceId from, PlaceId to) {
+  if (from == to) {
+    return Eigen::Matrix3d::Zero();
+  }
+  return RelativeCovarianceOf(Inverse(map_from_place(to)) * map_from_place(from),
+                              CovarianceBlock(from.value, from.value),
+                              CovarianceBlock(from.value, to.value),
+                              CovarianceBlock(to.value, to.value));
+}
+
+}  // namespace loci
