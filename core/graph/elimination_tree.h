@@ -143,6 +143,10 @@ class EliminationTree {
                const double* values,
                std::ptrdiff_t stride,
                std::ptrdiff_t size);
+  void ScatterRuns(std::span<const std::uint32_t> variables,
+                   const double* values,
+                   std::ptrdiff_t stride,
+                   std::ptrdiff_t size);
   void SolveFront(Front& front, double change_min);
   std::vector<std::uint32_t> PathOf(std::uint32_t variable) const;
 

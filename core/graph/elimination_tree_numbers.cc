@@ -2,6 +2,7 @@
 // The numbers of the fronts: elimination, solution and blocks of the inverse.
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <map>
 
 #include "core/graph/dense_front.h"
@@ -40,32 +41,48 @@ inline void Add(const double* from, std::ptrdiff_t count, double* to) {
   }
 }
 
-// The same as Scatter for two variables of three numbers each, the most frequent of all in the
-// plane, at rows `a` and `b` of the front at hand.
-void ScatterTwoThrees(const double* values,
-                      std::ptrdiff_t stride,
-                      std::ptrdiff_t a,
-                      std::ptrdiff_t b,
-                      std::ptrdiff_t size,
-                      double* work) {
+// Numbers [begin, end): mostly so few that a call of std::copy costs more than the copying.
+inline void CopySome(const double* from, std::size_t begin, std::size_t end, double* to) {
+  std::size_t i = begin;
+  for (; i + 4 <= end; i += 4) {
+    std::memcpy(to + i, from + i, 4 * sizeof(double));
+  }
+  for (; i < end; ++i) {
+    to[i] = from[i];
+  }
+}
+
+// The same as Scatter for two variables of kSize numbers each, the most frequent of all, at rows
+// `a` and `b` of the front at hand.
+template <int kSize>
+[[gnu::noinline]] void ScatterTwo(const double* values,
+                                  std::ptrdiff_t stride,
+                                  std::ptrdiff_t a,
+                                  std::ptrdiff_t b,
+                                  std::ptrdiff_t size,
+                                  double* work) {
+  using Block = Eigen::Matrix<double, kSize, kSize>;
   const std::ptrdiff_t work_stride = StrideOf(size);
-  const std::ptrdiff_t step = a < b ? 1 : work_stride;  // along a column of the block (b, a) there
-  double* const block = a < b ? work + a * work_stride + b : work + b * work_stride + a;
-  for (std::ptrdiff_t j = 0; j < 3; ++j) {
-    const double* from = values + j * stride;
-    const double* from_b = values + (3 + j) * stride;
-    double* to = work + (a + j) * work_stride;
-    double* to_b = work + (b + j) * work_stride;
-    for (std::ptrdiff_t i = j; i < 3; ++i) {
-      to[a + i] += from[i];
-      to_b[b + i] += from_b[3 + i];
+  const double* const values_b = values + kSize * (stride + 1);
+  double* const columns_a = work + a * work_stride;
+  double* const columns_b = work + b * work_stride;
+#pragma GCC unroll 6
+  for (int j = 0; j < kSize; ++j) {
+#pragma GCC unroll 6
+    for (int i = j; i < kSize; ++i) {
+      columns_a[j * work_stride + a + i] += values[j * stride + i];
+      columns_b[j * work_stride + b + i] += values_b[j * stride + i];
     }
-    double* mixed = block + j * (a < b ? work_stride : 1);
-    mixed[0] += from[3];
-    mixed[step] += from[4];
-    mixed[2 * step] += from[5];
-    to[size] += from[6];
-    to_b[size] += from_b[6];
+    columns_a[j * work_stride + size] += values[j * stride + 2 * kSize];
+    columns_b[j * work_stride + size] += values_b[j * stride + kSize];
+  }
+  const Block mixed = Eigen::Map<const Block, 0, Eigen::OuterStride<>>(
+      values + kSize, Eigen::OuterStride<>(stride));
+  const Eigen::OuterStride<> outer(work_stride);
+  if (a < b) {
+    Eigen::Map<Block, 0, Eigen::OuterStride<>>(columns_a + b, outer) += mixed;
+  } else {  // above the diagonal: mirrored
+    Eigen::Map<Block, 0, Eigen::OuterStride<>>(columns_b + a, outer) += mixed.transpose();
   }
 }
 
@@ -77,13 +94,30 @@ void EliminationTree::Scatter(std::span<const std::uint32_t> variables,
                               const double* values,
                               std::ptrdiff_t stride,
                               std::ptrdiff_t size) {
-  double* const work = work_.data();
-  if (variables.size() == 2 && variables_[variables[0]].size == 3 &&
-      variables_[variables[1]].size == 3) {
-    ScatterTwoThrees(
-        values, stride, variables_[variables[0]].row, variables_[variables[1]].row, size, work);
-    return;
+  if (variables.size() == 2) {
+    const Variable& a = variables_[variables[0]];
+    const Variable& b = variables_[variables[1]];
+    if (a.size == 3 && b.size == 3) {
+      ScatterTwo<3>(values, stride, a.row, b.row, size, work_.data());
+      return;
+    }
+    if (a.size == 1 && b.size == 1) {
+      ScatterTwo<1>(values, stride, a.row, b.row, size, work_.data());
+      return;
+    }
+    if (a.size == 6 && b.size == 6) {
+      ScatterTwo<6>(values, stride, a.row, b.row, size, work_.data());
+      return;
+    }
   }
+  ScatterRuns(variables, values, stride, size);
+}
+
+void EliminationTree::ScatterRuns(std::span<const std::uint32_t> variables,
+                                  const double* values,
+                                  std::ptrdiff_t stride,
+                                  std::ptrdiff_t size) {
+  double* const work = work_.data();
   FindRuns(variables);
   const std::ptrdiff_t right_row = runs_.back().source + runs_.back().count;
   const std::ptrdiff_t work_stride = StrideOf(size);
@@ -169,9 +203,10 @@ bool EliminationTree::EliminateFront(Front& front, bool keep_complement) {
     stack_size_ += rest * rest_stride;
   }
   std::copy_n(work_.data(), factor_count, front.values.data());
+  const double* from = work_.data() + front.columns * static_cast<std::size_t>(stride + 1);
   for (std::size_t j = 0; j < rest; ++j) {
-    const double* from = work_.data() + (front.columns + j) * static_cast<std::size_t>(stride);
-    std::copy_n(from + front.columns + j, rest + 1 - j, complement + j * rest_stride + j);
+    CopySome(
+        from + j * static_cast<std::size_t>(stride), j, rest + 1, complement + j * rest_stride);
   }
   return true;
 }
@@ -181,7 +216,7 @@ void EliminationTree::SolveFront(Front& front, double change_min) {
   std::size_t row = front.columns;
   for (std::size_t i = front.eliminated; i < front.variables.size(); ++i) {
     const Variable& variable = variables_[front.variables[i]];
-    std::copy_n(&value_[variable.offset], variable.size, &x_[row]);
+    CopySome(&value_[variable.offset], 0, static_cast<std::size_t>(variable.size), &x_[row]);
     row += static_cast<std::size_t>(variable.size);
   }
   SolveColumns(front.values.data(), front.size, front.columns, x_.data());

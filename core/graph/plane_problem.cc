@@ -3,6 +3,7 @@
 #include "core/graph/plane_problem.h"
 
 #include <cstddef>
+#include <type_traits>
 #include <utility>
 
 #include "core/graph/joint_constraint.h"
@@ -70,6 +71,40 @@ LinearisedPair<3, 3, 3> Linearised(const PoseGraph& graph, const GraphConstraint
   const TurnedPose2 z(constraint.from_from_to);
   const PoseError e(a, b, z);
   return Linearised(a, b, z, e, e.predicted);
+}
+
+void WritePoseTerm(const LinearisedPair<3, 3, 3>& linearised,
+                   const Eigen::Matrix3d& weight,
+                   double* values) {
+  // The columns of both Jacobians, but for their last row: (0, 0, -1, 0, 0, 1).
+  constexpr int kColumns = 6;
+  const Eigen::Matrix3d& a = linearised.jacobian_a;
+  const Eigen::Matrix3d& b = linearised.jacobian_b;
+  const double top[kColumns] = {a(0, 0), a(0, 1), a(0, 2), b(0, 0), b(0, 1), 0.0};
+  const double middle[kColumns] = {a(1, 0), a(1, 1), a(1, 2), b(1, 0), b(1, 1), 0.0};
+  double weighted[kColumns][3];  // J^T W
+  for (int k = 0; k < 3; ++k) {
+    for (int c = 0; c < kColumns - 1; ++c) {
+      weighted[c][k] = top[c] * weight(0, k) + middle[c] * weight(1, k);
+    }
+    weighted[2][k] -= weight(2, k);
+    weighted[5][k] = weight(2, k);
+  }
+  const Eigen::Vector3d& e = linearised.error;
+#pragma GCC unroll 6
+  for (int c = 0; c < kColumns; ++c) {
+    double* column = values + c * (kColumns + 1);
+#pragma GCC unroll 6
+    for (int r = c; r < kColumns - 1; ++r) {
+      column[r] = weighted[r][0] * top[c] + weighted[r][1] * middle[c];
+    }
+    column[5] = weight(2, 0) * top[c] + weight(2, 1) * middle[c];
+    column[6] = -(weighted[c][0] * e.x() + weighted[c][1] * e.y() + weighted[c][2] * e.z());
+  }
+  for (int r = 2; r < kColumns; ++r) {
+    values[2 * (kColumns + 1) + r] -= weighted[r][2];
+  }
+  values[5 * (kColumns + 1) + 5] = weight(2, 2);
 }
 
 // With p the predicted point in A: A * D gives D^-1 p, so that d e / d a = -(I, turned(p)); the
@@ -205,14 +240,23 @@ void PlaneProblem::Linearise(Levers levers, NormalEquations& equations) const {
                        const auto& linearised,
                        std::uint32_t block_a,
                        std::uint32_t block_b) {
+    const bool are_free = block_a != kHeldBlock && block_b != kHeldBlock;
+    const auto add_weighted = [&](const auto& weight) {
+      if constexpr (std::is_same_v<decltype(constraint), const GraphConstraint&>) {
+        if (are_free) {
+          WritePoseTerm(linearised, weight, equations.PairValues(pair));
+          return;
+        }
+      }
+      AddPair(linearised, weight, block_a, block_b, pair, equations);
+    };
     if (constraint.robust && kernel_.shape != RobustKernel::Shape::kNone) {
       const double chi2 = linearised.error.dot(constraint.information * linearised.error);
-      const auto weight = (kernel_.Weight(chi2) * constraint.information).eval();
-      AddPair(linearised, weight, block_a, block_b, pair, equations);
+      add_weighted((kernel_.Weight(chi2) * constraint.information).eval());
     } else {
-      AddPair(linearised, constraint.information, block_a, block_b, pair, equations);
+      add_weighted(constraint.information);
     }
-    pair += block_a != kHeldBlock && block_b != kHeldBlock ? 1 : 0;
+    pair += are_free ? 1 : 0;
   };
   for (std::size_t i = 0; i < graph_->constraints.size(); ++i) {
     const GraphConstraint& constraint = graph_->constraints[i];

@@ -23,6 +23,12 @@ LinearisedPair<2, 3, 2> Linearised(const PoseGraph& graph, const PointConstraint
 LinearisedPrior<3, 3> Linearised(const PoseGraph& graph, const PosePrior& prior);
 LinearisedPrior<2, 3> Linearised(const PoseGraph& graph, const PositionPrior& prior);
 
+// WriteTerm of a constraint between two free poses in the plane, with the same bits, sparing what
+// is zero or one in all their Jacobians.
+void WritePoseTerm(const LinearisedPair<3, 3, 3>& linearised,
+                   const Eigen::Matrix3d& weight,
+                   double* values);
+
 // A pose with its sine and cosine, which are dear.
 struct TurnedPose2 {
   explicit TurnedPose2(const Pose2& pose) : x(pose.x), y(pose.y), theta(pose.theta) {

@@ -86,6 +86,26 @@ TEST(SparseOptimizerTest, JacobiansOfPointConstraintsAreTheNumericOnes) {
   }
 }
 
+TEST(SparseOptimizerTest, TheTermOfTwoPosesHasTheBitsOfTheGeneralOne) {
+  PoseGraph graph = RandomLoopGraph(21, 200);
+  RandomSequence random(22);
+  for (GraphConstraint& constraint : graph.constraints) {
+    Eigen::Matrix3d root;
+    for (int i = 0; i < 9; ++i) {
+      root(i) = random.NextUniform(-10.0, 10.0);
+    }
+    constraint.information = root * root.transpose();
+    const auto linearised = Linearised(graph, constraint);
+    double expected[42] = {};
+    double values[42] = {};
+    WriteTerm(linearised, constraint.information, true, true, expected);
+    WritePoseTerm(linearised, constraint.information, values);
+    for (int i = 0; i < 42; ++i) {
+      ASSERT_EQ(values[i], expected[i]) << "number " << i;
+    }
+  }
+}
+
 TEST(SparseOptimizerTest, TheGradientIsZeroAtTheResult) {
   PoseGraph graph = RandomLoopGraph(13, 100);
   AddPoints(14, 20, graph);
