@@ -74,13 +74,12 @@ MapConstraint ConstraintOf(const ClosureSnapshot& closure) {
 bool RejectWorst(Engine::State& state) {
   ClosureId worst;
   double worst_chi2 = kChi2At999;
-  const PoseGraph& graph = state.graph.graph();
-  for (std::size_t i = 0; i < graph.constraints.size(); ++i) {
+  for (std::size_t i = 0; i < state.graph.closures().size(); ++i) {
     const std::optional<ClosureId> closure = state.graph.closures()[i];
     if (!closure.has_value()) {
       continue;
     }
-    const double chi2 = Chi2Of(graph, graph.constraints[i]);
+    const double chi2 = state.graph.chi2s()[i];
     state.closures[closure->value].chi2 = chi2;
     if (chi2 > worst_chi2) {
       worst_chi2 = chi2;
@@ -168,7 +167,7 @@ bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
     moved = true;
   }
   if (moved) {
-    state.chi2 = Chi2(state.graph.graph());
+    state.chi2 = state.graph.chi2();
     MarkGraphChanged(state);
     state.mesh->MovePlaces(state.graph.map_from_places());
   }

@@ -21,16 +21,11 @@ constexpr std::size_t kStepsMax = 256;
 constexpr double kCostSlack = 1e-2;
 constexpr double kRelativeCostSlack = 1e-3;
 
-// Closures may be wrong: beyond three sigma they pull less and less.
-RobustKernel ClosureKernel() {
-  return {RobustKernel::Shape::kCauchy, 3.0};
-}
-
 IncrementalOptions OptionsOfSteps() {
   IncrementalOptions options;
-  options.kernel = ClosureKernel();
+  options.kernel = MapGraph::ClosureKernel();
   options.iterations_max = 30;  // each step ends at the optimum, however far that is
-  options.step_min = 1e-6;      // m: nothing of a map shows less
+  options.step_min = 1e-4;      // m: a hundredth of what a match knows at best
   return options;
 }
 
@@ -44,6 +39,10 @@ Status MisfitError(const std::string& what) {
 }
 
 }  // namespace
+
+RobustKernel MapGraph::ClosureKernel() {
+  return {RobustKernel::Shape::kCauchy, 3.0};
+}
 
 MapGraph::MapGraph() : optimizer_(OptionsOfSteps()) {}
 
@@ -69,15 +68,19 @@ void MapGraph::RemoveClosure(ClosureId closure) {
   Take({StepKind::kRemoval, {}, {}, closure});
 }
 
+double MapGraph::chi2() const {
+  return std::accumulate(chi2s_.begin(), chi2s_.end(), 0.0);
+}
+
 // What is robust counts by the kernel.
 double MapGraph::Cost() const {
-  const RobustKernel kernel = ClosureKernel();
-  double cost = 0.0;
-  for (const GraphConstraint& constraint : present_.constraints) {
-    const double chi2 = Chi2Of(present_, constraint);
-    cost += constraint.robust ? kernel.Rho(chi2) : chi2;
-  }
-  return cost;
+  return std::accumulate(costs_.begin(), costs_.end(), 0.0);
+}
+
+void MapGraph::Weigh(std::size_t index) {
+  const GraphConstraint& constraint = present_.constraints[index];
+  chi2s_[index] = Chi2Of(present_, constraint);
+  costs_[index] = constraint.robust ? ClosureKernel().Rho(chi2s_[index]) : chi2s_[index];
 }
 
 void MapGraph::Take(Step step) {
@@ -115,6 +118,9 @@ void MapGraph::Add(const Step& step) {
     numbers_.push_back(optimizer_.AddConstraint(each.constraint));
     present_.constraints.push_back(each.constraint);
     closures_.push_back(each.closure);
+    chi2s_.push_back(0.0);
+    costs_.push_back(0.0);
+    Weigh(costs_.size() - 1);
   }
   if (step.kind == StepKind::kRemoval) {
     const auto at = std::find(closures_.begin(), closures_.end(), step.removed) - closures_.begin();
@@ -122,6 +128,8 @@ void MapGraph::Add(const Step& step) {
     present_.constraints.erase(present_.constraints.begin() + at);
     closures_.erase(closures_.begin() + at);
     numbers_.erase(numbers_.begin() + at);
+    chi2s_.erase(chi2s_.begin() + at);
+    costs_.erase(costs_.begin() + at);
   }
 }
 
@@ -137,8 +145,15 @@ bool MapGraph::Optimise(const Step& step) {
 }
 
 void MapGraph::MovePlaces() {
-  for (std::uint32_t node = 0; node < present_.map_from_node.size(); ++node) {
+  std::vector<bool> has_moved(present_.map_from_node.size(), false);
+  for (const std::uint32_t node : optimizer_.TakeMovedNodes()) {
     present_.map_from_node[node] = optimizer_.map_from_node(node);
+    has_moved[node] = true;
+  }
+  for (std::size_t i = 0; i < present_.constraints.size(); ++i) {
+    if (has_moved[present_.constraints[i].from] || has_moved[present_.constraints[i].to]) {
+      Weigh(i);
+    }
   }
 }
 
@@ -169,6 +184,11 @@ bool MapGraph::LoadBase() {
   }
   numbers_.resize(closures_.size());
   std::iota(numbers_.begin(), numbers_.end(), 0U);
+  chi2s_.resize(closures_.size());
+  costs_.resize(closures_.size());
+  for (std::size_t i = 0; i < closures_.size(); ++i) {
+    Weigh(i);
+  }
   optimizer_ = IncrementalOptimizer(OptionsOfSteps());
   optimizer_.Load(present_);
   covariance_blocks_.clear();

@@ -15,6 +15,7 @@
 #include "core/geometry/eigen_fields.h"
 #include "core/graph/incremental_optimizer.h"
 #include "core/graph/pose_graph.h"
+#include "core/graph/robust_kernel.h"
 
 namespace loci {
 
@@ -36,6 +37,9 @@ class MapGraph {
  public:
   MapGraph();
 
+  // Of closures, which are marked robust.
+  static RobustKernel ClosureKernel();
+
   // Of places, at their optimum, and all constraints.
   const PoseGraph& graph() const { return present_; }
   const Pose2& map_from_place(PlaceId place) const { return present_.map_from_node[place.value]; }
@@ -43,6 +47,9 @@ class MapGraph {
   // Of each constraint of the graph: the closure that it is, if it is one.
   const std::vector<std::optional<ClosureId>>& closures() const { return closures_; }
   std::size_t closure_count() const;
+  // Of each constraint of the graph, without kernel; and their sum.
+  const std::vector<double>& chi2s() const { return chi2s_; }
+  double chi2() const;
 
   // The next place. Without a tie it must be the first one.
   void AddPlace(const Pose2& map_from_place, const std::optional<GraphConstraint>& tie);
@@ -86,6 +93,7 @@ class MapGraph {
   void Add(const Step& step);
   bool Optimise(const Step& step);
   void MovePlaces();
+  void Weigh(std::size_t constraint);
   void BeginBase();
   bool LoadBase();
   double Cost() const;
@@ -103,6 +111,8 @@ class MapGraph {
   PoseGraph present_;
   std::vector<std::optional<ClosureId>> closures_;  // per constraint
   std::vector<std::uint32_t> numbers_;              // per constraint: that of the optimiser
+  std::vector<double> chi2s_;                       // per constraint
+  std::vector<double> costs_;                       // per constraint: the same by the kernel
   IncrementalOptimizer optimizer_;
   // Blocks of the covariance of all places, rows and columns, as far as they were needed since the
   // last step.

@@ -22,6 +22,13 @@ std::string NameOf(std::uint32_t node) {
   return "node " + std::to_string(node);
 }
 
+template <typename Visit>
+void ForEachOnce(std::vector<std::uint32_t>& indices, const Visit& visit) {
+  std::sort(indices.begin(), indices.end());
+  indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
+  std::for_each(indices.begin(), indices.end(), visit);
+}
+
 }  // namespace
 
 IncrementalOptimizer::IncrementalOptimizer(const IncrementalOptions& options) : options_(options) {}
@@ -41,6 +48,7 @@ void IncrementalOptimizer::RemoveVariable(std::uint32_t variable) {
 std::uint32_t IncrementalOptimizer::AddNode(const Pose2& map_from_node, bool fixed) {
   const auto index = static_cast<std::uint32_t>(nodes_.size());
   nodes_.emplace_back();
+  has_moved_.push_back(false);
   components_.push_back({index, index, fixed ? 1U : 0U});
   graph_.map_from_node.push_back(map_from_node);
   graph_.fixed.push_back(fixed);
@@ -367,14 +375,9 @@ void IncrementalOptimizer::Relinearise(std::vector<std::uint32_t>& variables) {
       joints.insert(joints.end(), of_many.begin(), of_many.end());
     }
   }
-  const auto for_each_once = [](std::vector<std::uint32_t>& indices, const auto& set) {
-    std::sort(indices.begin(), indices.end());
-    indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
-    std::for_each(indices.begin(), indices.end(), set);
-  };
-  for_each_once(constraints, [this](std::uint32_t index) { SetTerm(index); });
-  for_each_once(point_constraints, [this](std::uint32_t index) { SetPointTerm(index); });
-  for_each_once(joints, [this](std::uint32_t index) { SetJointTerm(index); });
+  ForEachOnce(constraints, [this](std::uint32_t index) { SetTerm(index); });
+  ForEachOnce(point_constraints, [this](std::uint32_t index) { SetPointTerm(index); });
+  ForEachOnce(joints, [this](std::uint32_t index) { SetJointTerm(index); });
 }
 
 Pose2 IncrementalOptimizer::map_from_node(std::uint32_t node) const {
@@ -413,33 +416,59 @@ bool IncrementalOptimizer::Reweigh(std::span<const std::uint32_t> solved) {
   if (options_.kernel.shape == RobustKernel::Shape::kNone) {
     return false;
   }
-  bool any = false;
-  const auto differs = [&](double present, double& weight) {
-    if (std::abs(present - weight) <= options_.reweigh * weight) {
-      return false;
-    }
-    weight = present;
-    any = true;
-    return true;
-  };
+  std::vector<std::uint32_t> constraints;
+  std::vector<std::uint32_t> point_constraints;
   for (const std::uint32_t variable : solved) {
     const Owner owner = owners_[variable];
     if (!owner.is_point) {
       for (const std::uint32_t index : nodes_[owner.index].constraints) {
-        if (graph_.constraints[index].robust && differs(PresentWeight(index), weights_[index])) {
-          SetTerm(index);
+        if (graph_.constraints[index].robust) {
+          constraints.push_back(index);
         }
       }
     }
     for (const std::uint32_t index : owner.is_point ? points_[owner.index].point_constraints
                                                     : nodes_[owner.index].point_constraints) {
-      if (graph_.point_constraints[index].robust &&
-          differs(PresentPointWeight(index), point_weights_[index])) {
-        SetPointTerm(index);
+      if (graph_.point_constraints[index].robust) {
+        point_constraints.push_back(index);
       }
     }
   }
+  bool any = false;
+  const auto differs = [&](double present, double& weight) {
+    const bool does = std::abs(present - weight) > options_.reweigh * weight;
+    weight = does ? present : weight;
+    any = any || does;
+    return does;
+  };
+  ForEachOnce(constraints, [&](std::uint32_t index) {
+    if (differs(PresentWeight(index), weights_[index])) {
+      SetTerm(index);
+    }
+  });
+  ForEachOnce(point_constraints, [&](std::uint32_t index) {
+    if (differs(PresentPointWeight(index), point_weights_[index])) {
+      SetPointTerm(index);
+    }
+  });
   return any;
+}
+
+void IncrementalOptimizer::RememberMoved(std::span<const std::uint32_t> solved) {
+  for (const std::uint32_t variable : solved) {
+    const Owner owner = owners_[variable];
+    if (!owner.is_point && !has_moved_[owner.index]) {
+      has_moved_[owner.index] = true;
+      moved_nodes_.push_back(owner.index);
+    }
+  }
+}
+
+std::vector<std::uint32_t> IncrementalOptimizer::TakeMovedNodes() {
+  for (const std::uint32_t node : moved_nodes_) {
+    has_moved_[node] = false;
+  }
+  return std::exchange(moved_nodes_, {});
 }
 
 UpdateSummary IncrementalOptimizer::Update() {
@@ -454,6 +483,7 @@ UpdateSummary IncrementalOptimizer::Update() {
     summary.eliminated += tree_.eliminated_count();
     moved.clear();
     tree_.Solve(options_.step_min, moved);
+    RememberMoved(moved);
     const bool reweighed = Reweigh(moved);
     std::erase_if(moved, [this](std::uint32_t variable) { return !HasMoved(variable); });
     if (moved.empty() && !reweighed) {

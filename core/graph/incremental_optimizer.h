@@ -115,6 +115,9 @@ class IncrementalOptimizer {
   // two components the answer says nothing about their relation, since both are held.
   Eigen::Matrix3d RelativeCovariance(std::uint32_t from, std::uint32_t to) const;
 
+  // Nodes that Update may have moved since this was last called, each once.
+  std::vector<std::uint32_t> TakeMovedNodes();
+
   Pose2 map_from_node(std::uint32_t node) const;
   Eigen::Vector2d point_in_map(std::uint32_t point) const;
   // All nodes, points and constraints that are there, at where they are now. Marginalised nodes
@@ -183,6 +186,7 @@ class IncrementalOptimizer {
   double PresentWeight(std::uint32_t constraint) const;
   double PresentPointWeight(std::uint32_t constraint) const;
   bool Reweigh(std::span<const std::uint32_t> solved);
+  void RememberMoved(std::span<const std::uint32_t> solved);
   void RemakeTermsOf(std::uint32_t node);
   void Detach(std::uint32_t constraint, ConstraintState state);
   void AddJoint(JointConstraint joint);
@@ -224,6 +228,8 @@ class IncrementalOptimizer {
   EliminationTree tree_;
   std::vector<std::uint32_t> recent_;  // variables of the last constraints: eliminated last
   bool updated_ = false;               // since recent_ grew
+  std::vector<std::uint32_t> moved_nodes_;
+  std::vector<bool> has_moved_;  // per node: is one of them
 };
 
 }  // namespace loci
