@@ -124,13 +124,9 @@ std::size_t Load(std::uint32_t poses, Wanderer& wanderer, IncrementalOptimizer& 
     }
     graph.map_from_node.push_back(wanderer.TruthOf(node));
   }
+  graph.fixed = {true};
   OptimizeSparse(graph, SparseOptions{});
-  for (std::uint32_t node = 0; node < poses; ++node) {
-    optimizer.AddNode(graph.map_from_node[node], node == 0);
-  }
-  for (const GraphConstraint& constraint : graph.constraints) {
-    optimizer.AddConstraint(constraint);
-  }
+  optimizer.Load(graph);
   optimizer.Update();
   return graph.constraints.size();
 }

@@ -7,6 +7,7 @@
 
 #include "core/base/check.h"
 #include "core/graph/elimination_order.h"
+#include "core/graph/ring_order.h"
 
 namespace loci {
 namespace {
@@ -14,6 +15,10 @@ namespace {
 // Reordering parts only makes the order of the whole worse in time. When elimination takes this
 // many times what it took after the last order of the whole, there is a new one.
 constexpr double kGrowthMax = 2.0;
+// Of fewer variables than this all fronts are small, in whatever order.
+constexpr std::size_t kVariablesForRings = 256;
+// The search for distances gives up when it has seen this many times what it looks for.
+constexpr std::size_t kVisitsPerOpen = 64;
 
 }  // namespace
 
@@ -323,7 +328,13 @@ void EliminationTree::Reorder(std::span<const std::uint32_t> last) {
       last_open.push_back(v.row);
     }
   }
-  const SymbolicTree tree = AnalyseElimination(graph, EliminationOrder(graph, last_open));
+  // An order of the whole stands for long, wherever the next changes are.
+  const bool by_rings =
+      !last_open.empty() && !is_in_one_order_ && variables_.size() >= kVariablesForRings;
+  const SymbolicTree tree =
+      AnalyseElimination(graph,
+                         by_rings ? OrderByRings(graph, RingsAround(last_open, open))
+                                  : EliminationOrder(graph, last_open));
 
   RemoveAffected();
   MakeFronts(tree, open);
@@ -351,6 +362,51 @@ void EliminationTree::Reorder(std::span<const std::uint32_t> last) {
   for (const std::uint32_t variable : open) {
     variables_[variable].front = affected_[tree.front_of[variables_[variable].row]];
   }
+}
+
+// The ring of each open variable, by how many terms are between it and the centre: each ring ends
+// twice as far away as the one before it. What is nowhere near is beyond all of them.
+std::vector<std::uint32_t> EliminationTree::RingsAround(std::span<const std::uint32_t> centre,
+                                                        std::span<const std::uint32_t> open) {
+  std::vector<std::uint32_t> ring(open.size(), kNone);
+  reached_.resize(variables_.size(), 0);
+  ++search_;
+  std::vector<std::uint32_t> found;
+  for (const std::uint32_t row : centre) {
+    found.push_back(open[row]);
+    reached_[open[row]] = search_;
+  }
+  std::size_t missing = open.size();
+  std::size_t same_distance_end = found.size();
+  std::uint32_t distance = 0;
+  std::uint32_t ring_at = 0;
+  std::uint32_t ring_end = 0;
+  const std::size_t visits_max = kVisitsPerOpen * open.size();
+  for (std::size_t i = 0; i < found.size() && i < visits_max && missing > 0; ++i) {
+    if (i == same_distance_end) {
+      same_distance_end = found.size();
+      ++distance;
+      if (distance > ring_end) {
+        ring_end = 2 * ring_end + 1;
+        ++ring_at;
+      }
+    }
+    const Variable& variable = variables_[found[i]];
+    if (variable.front == kNone) {
+      ring[variable.row] = ring_at;
+      --missing;
+    }
+    for (std::uint32_t use = variable.first_use; use != kNone; use = uses_[use].next) {
+      for (const std::uint32_t other : VariablesOf(terms_[uses_[use].term])) {
+        if (reached_[other] != search_) {
+          reached_[other] = search_;
+          found.push_back(other);
+        }
+      }
+    }
+  }
+  std::replace(ring.begin(), ring.end(), kNone, ring_at + 1);
+  return ring;
 }
 
 void EliminationTree::MakeFronts(const SymbolicTree& tree, std::span<const std::uint32_t> open) {

@@ -22,6 +22,10 @@ namespace loci {
 // the fronts above that one up to the root. Only these are eliminated again, in a new order;
 // the Schur complements of all below them stand. No search for a global order, and no batch step.
 //
+// The new order moves the root to where things change. The variables that divide the whole in two
+// parts are many, and last in an order of little fill; there they would be eliminated with every
+// change. Ordered by their distance they are behind the root, and small rings before it.
+//
 // The same calls give the same bits. Not thread-safe.
 class EliminationTree {
  public:
@@ -52,9 +56,10 @@ class EliminationTree {
 
   // Finds the order of elimination of all variables, which Eliminate would do otherwise.
   void Order();
-  // Brings the factorisation up to date. Variables of `last`, as far as they are concerned, are
-  // eliminated after the others: what is likely to change next is cheap then. False, and the
-  // factorisation stays open, if the terms do not determine every variable.
+  // Brings the factorisation up to date. What is concerned is eliminated the later the fewer terms
+  // are between it and the variables of `last`, these at the very end: what is likely to change
+  // next is cheap then. False, and the factorisation stays open, if the terms do not determine
+  // every variable.
   bool Eliminate(std::span<const std::uint32_t> last);
   // The same for those who set all terms anew each time: in less room, and faster for that, since
   // no Schur complement is kept. The next Eliminate, if there is one, concerns all fronts.
@@ -128,6 +133,8 @@ class EliminationTree {
   void SetParent(std::uint32_t child, std::uint32_t parent);
   void FindAffected();
   void Reorder(std::span<const std::uint32_t> last);
+  std::vector<std::uint32_t> RingsAround(std::span<const std::uint32_t> centre,
+                                         std::span<const std::uint32_t> open);
   std::vector<std::uint32_t> OpenVariables(std::vector<std::uint32_t>& orphans);
   VariableGraph GraphOfOpen(std::span<const std::uint32_t> open,
                             std::span<const std::uint32_t> orphans) const;
@@ -168,6 +175,8 @@ class EliminationTree {
   std::vector<double> spread_;        // the value with which the fronts below were solved
   std::vector<std::uint64_t> moved_;  // per variable: the round in which it moved
   std::uint64_t round_ = 0;
+  std::vector<std::uint64_t> reached_;  // per variable: the last search that has come there
+  std::uint64_t search_ = 0;
 
   std::vector<std::uint32_t> touched_;  // variables
   bool structure_changed_ = false;

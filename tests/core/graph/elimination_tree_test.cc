@@ -341,6 +341,35 @@ TEST(EliminationTreeTest, AnEndOfAChainConcernsOnlyTheEnd) {
   problem.ExpectDenseSolution();
 }
 
+// The square's middle line divides it in two, and is the root of an order of little fill.
+TEST(EliminationTreeTest, WhereThingsChangedTheNextChangesAreCheap) {
+  constexpr std::uint32_t kSide = 30;
+  RandomSequence random(17);
+  Problem problem;
+  for (std::uint32_t at = 0; at < kSide * kSide; ++at) {
+    problem.AddVariable(1);
+    problem.Anchor(at);
+    if (at % kSide > 0) {
+      problem.AddTerm({at - 1, at}, random);
+    }
+    if (at >= kSide) {
+      problem.AddTerm({at - kSide, at}, random);
+    }
+  }
+  ASSERT_TRUE(problem.tree().Eliminate({}));
+  for (const std::uint32_t place : {3 * kSide + 3, 15 * kSide + 15, 4 * kSide + 26}) {
+    for (int visit = 0; visit < 2; ++visit) {
+      const std::vector<std::uint32_t> ends{place, place + 1};
+      problem.AddTerm(ends, random);
+      ASSERT_TRUE(problem.tree().Eliminate(ends));
+      if (visit > 0) {
+        EXPECT_LE(problem.tree().eliminated_count(), 12U) << "about " << place;
+      }
+      problem.ExpectDenseSolution();
+    }
+  }
+}
+
 TEST(EliminationTreeTest, WhatIsNotDeterminedIsToldAndMendedByATermThatSaysIt) {
   RandomSequence random(7);
   Problem problem;
