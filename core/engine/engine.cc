@@ -32,13 +32,19 @@ Eigen::Matrix3d CovarianceOf(const std::array<double, 6>& upper) {
   return matrix;
 }
 
+// Nothing that a robot says of its motion is taken to be better: next to a tie that knows nearly
+// nothing, the graph's equations would be lost in rounding.
+constexpr double kTieSigmaMinM = 1e-3;
+constexpr double kTieSigmaMinRad = 1e-4;
+
 // Of the next place to an older one.
 GraphConstraint TieTo(PlaceId from,
                       const Pose2& from_from_next,
                       const Covariance3& covariance,
                       const Engine::State& state) {
   const auto next = static_cast<std::uint32_t>(state.places.size());
-  return {from.value, next, from_from_next, covariance.Information(), false};
+  const Covariance3 doubt = covariance.AtLeast(kTieSigmaMinM, kTieSigmaMinRad);
+  return {from.value, next, from_from_next, doubt.Information(), false};
 }
 
 // The next place, for the session, at a pose in the map that its tie to the graph says. The first

@@ -8,7 +8,6 @@
 
 #include "core/base/check.h"
 #include "core/graph/optimize.h"
-#include "core/graph/relative_covariance.h"
 
 namespace loci {
 namespace {
@@ -33,6 +32,9 @@ bool IsBefore(const MapConstraint& a, const MapConstraint& b) {
   return std::tie(a.constraint.from, a.constraint.to, a.closure) <
          std::tie(b.constraint.from, b.constraint.to, b.closure);
 }
+
+// Further than any map reaches.
+constexpr double kUnknownM = 1e5;
 
 Status MisfitError(const std::string& what) {
   return DataLossError("graph record: " + what);
@@ -133,10 +135,15 @@ void MapGraph::Add(const Step& step) {
   }
 }
 
-// False: it is not at the optimum.
-bool MapGraph::Optimise(const Step& step) {
-  covariance_blocks_.clear();
+// False: the optimiser is not at the optimum.
+bool MapGraph::Update() {
   const bool converged = optimizer_.Update().converged;
+  is_determined_ = converged || optimizer_.Factorise();
+  return converged;
+}
+
+bool MapGraph::Optimise(const Step& step) {
+  const bool converged = Update();
   // A place is added where its tie says. What moves then is rounding, and would look like news.
   if (step.kind != StepKind::kPlace) {
     MovePlaces();
@@ -166,11 +173,10 @@ void MapGraph::BeginBase() {
   ++base_count_;
   steps_.clear();
   steps_base_ = base_count_;
-  LOCI_CHECK(LoadBase());
+  LoadBase();
 }
 
-// False if a place is not tied in all directions.
-bool MapGraph::LoadBase() {
+void MapGraph::LoadBase() {
   present_ = {};
   present_.map_from_node = base_poses_;
   present_.fixed.assign(base_poses_.size(), false);
@@ -191,10 +197,8 @@ bool MapGraph::LoadBase() {
   }
   optimizer_ = IncrementalOptimizer(OptionsOfSteps());
   optimizer_.Load(present_);
-  covariance_blocks_.clear();
-  const bool determined = optimizer_.Update().converged || optimizer_.Factorise();
+  Update();
   MovePlaces();
-  return determined;
 }
 
 Status MapGraph::CheckBase() const {
@@ -253,35 +257,20 @@ Status MapGraph::CheckStep(const Step& step) const {
 
 Status MapGraph::Restore() {
   LOCI_RETURN_IF_ERROR(CheckBase());
-  if (!LoadBase()) {
-    return MisfitError("a place is not tied in all directions");
-  }
+  LoadBase();
   for (const Step& step : steps_) {
     LOCI_RETURN_IF_ERROR(CheckStep(step));
     Add(step);
-    if (!Optimise(step) && !optimizer_.Factorise()) {
-      return MisfitError("a place is not tied in all directions");
-    }
+    Optimise(step);
   }
   return {};
 }
 
-Eigen::Matrix3d MapGraph::CovarianceBlock(std::uint32_t row, std::uint32_t column) {
-  const auto [found, is_new] = covariance_blocks_.try_emplace({row, column});
-  if (is_new) {
-    found->second = optimizer_.CovarianceBlock(row, column);
+Eigen::Matrix3d MapGraph::RelativeCovariance(PlaceId from, PlaceId to) const {
+  if (!is_determined_) {
+    return Eigen::Vector3d(kUnknownM * kUnknownM, kUnknownM * kUnknownM, kPi * kPi).asDiagonal();
   }
-  return found->second;
-}
-
-Eigen::Matrix3d MapGraph::RelativeCovariance(PlaceId from, PlaceId to) {
-  if (from == to) {
-    return Eigen::Matrix3d::Zero();
-  }
-  return RelativeCovarianceOf(Inverse(map_from_place(to)) * map_from_place(from),
-                              CovarianceBlock(from.value, from.value),
-                              CovarianceBlock(from.value, to.value),
-                              CovarianceBlock(to.value, to.value));
+  return optimizer_.RelativeCovariance(from.value, to.value);
 }
 
 }  // namespace loci

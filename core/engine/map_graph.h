@@ -3,9 +3,7 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -59,7 +57,7 @@ class MapGraph {
   void RemoveClosure(ClosureId closure);
 
   // Of from_from_to * Exp(xi), (x, y, theta).
-  Eigen::Matrix3d RelativeCovariance(PlaceId from, PlaceId to);
+  Eigen::Matrix3d RelativeCovariance(PlaceId from, PlaceId to) const;
 
   // The state. The base changes seldom, the steps with each call: they are records of their own.
   template <typename Archive>
@@ -91,15 +89,15 @@ class MapGraph {
 
   void Take(Step step);
   void Add(const Step& step);
+  bool Update();
   bool Optimise(const Step& step);
   void MovePlaces();
   void Weigh(std::size_t constraint);
   void BeginBase();
-  bool LoadBase();
+  void LoadBase();
   double Cost() const;
   Status CheckBase() const;
   Status CheckStep(const Step& step) const;
-  Eigen::Matrix3d CovarianceBlock(std::uint32_t row, std::uint32_t column);
 
   // State. The rest follows from it.
   std::vector<Pose2> base_poses_;
@@ -114,9 +112,9 @@ class MapGraph {
   std::vector<double> chi2s_;                       // per constraint
   std::vector<double> costs_;                       // per constraint: the same by the kernel
   IncrementalOptimizer optimizer_;
-  // Blocks of the covariance of all places, rows and columns, as far as they were needed since the
-  // last step.
-  std::map<std::pair<std::uint32_t, std::uint32_t>, Eigen::Matrix3d> covariance_blocks_;
+  // False where ties are so unlike that rounding has made their equations singular: the incremental
+  // optimiser stands still then, and nothing is known of how places lie to each other.
+  bool is_determined_ = true;
 };
 
 template <typename Archive>

@@ -41,6 +41,20 @@ Covariance3 Covariance3::FromSigmas(double sigma_x_m, double sigma_y_m, double s
   return Covariance3(sigmas.cwiseAbs2().asDiagonal());
 }
 
+Covariance3 Covariance3::AtLeast(double sigma_m, double sigma_rad) const {
+  const Eigen::Vector3d sigmas(sigma_m, sigma_m, sigma_rad);
+  const Eigen::Matrix3d scaled =
+      sigmas.cwiseInverse().asDiagonal() * matrix_ * sigmas.cwiseInverse().asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scaled);
+  if (solver.eigenvalues().minCoeff() >= 1.0) {
+    return *this;
+  }
+  const Eigen::Matrix3d raised = solver.eigenvectors() *
+                                 solver.eigenvalues().cwiseMax(1.0).asDiagonal() *
+                                 solver.eigenvectors().transpose();
+  return Covariance3(Symmetrized(sigmas.asDiagonal() * raised * sigmas.asDiagonal()));
+}
+
 Eigen::Matrix3d Covariance3::Information() const {
   return Symmetrized(matrix_.inverse());
 }

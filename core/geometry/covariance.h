@@ -24,6 +24,9 @@ class Covariance3 {
   static Covariance3 FromSigmas(double sigma_x_m, double sigma_y_m, double sigma_theta_rad);
 
   const Eigen::Matrix3d& matrix() const { return matrix_; }
+  // The same where no direction is known better than an ellipse of these half axes, and at least
+  // that doubt where one is. Itself, to the last bit, if it is nowhere better.
+  Covariance3 AtLeast(double sigma_m, double sigma_rad) const;
   // The inverse, symmetric.
   Eigen::Matrix3d Information() const;
 

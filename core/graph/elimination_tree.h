@@ -74,6 +74,10 @@ class EliminationTree {
   // A block of the inverse of H, rows of one variable and columns of another, after an Eliminate
   // that succeeded. Costs the fronts above the two.
   Eigen::MatrixXd InverseBlock(std::uint32_t row, std::uint32_t column) const;
+  // a^T H^-1 a for a matrix that has rows for these variables only, in their order; no two of them
+  // equal. Positive semidefinite, whatever is rounded; costs the fronts above the variables.
+  Eigen::MatrixXd InverseForm(std::span<const std::uint32_t> variables,
+                              const Eigen::MatrixXd& a) const;
   // The caller has set all terms of this variable anew, about its value: it is 0 now.
   void ResetValue(std::uint32_t variable);
 
@@ -184,6 +188,8 @@ class EliminationTree {
   std::vector<std::uint32_t> affected_;  // fronts, children first
   std::vector<std::uint32_t> fresh_;     // fronts
   std::size_t eliminated_count_ = 0;
+  class SparseRows;
+
   struct Run {
     std::ptrdiff_t source = 0;
     std::ptrdiff_t target = 0;

@@ -502,31 +502,18 @@ bool IncrementalOptimizer::Factorise() {
   return tree_.Eliminate(recent_.size() < kRecentMax ? recent_ : std::vector<std::uint32_t>());
 }
 
-// Always from the columns of the larger index: the two ways to the same block differ in the last
-// bit.
-Eigen::Matrix3d IncrementalOptimizer::CovarianceBlock(std::uint32_t row,
-                                                      std::uint32_t column) const {
-  LOCI_CHECK(IsThere(row) && IsThere(column));
-  if (nodes_[row].held || nodes_[column].held) {
-    return Eigen::Matrix3d::Zero();
-  }
-  const Eigen::Matrix3d block = tree_.InverseBlock(nodes_[std::min(row, column)].variable,
-                                                   nodes_[std::max(row, column)].variable);
-  if (row <= column) {
-    return block;
-  }
-  return block.transpose();
-}
-
 Eigen::Matrix3d IncrementalOptimizer::RelativeCovariance(std::uint32_t from,
                                                          std::uint32_t to) const {
-  if (from == to) {
-    return Eigen::Matrix3d::Zero();
-  }
-  return RelativeCovarianceOf(Inverse(map_from_node(to)) * map_from_node(from),
-                              CovarianceBlock(from, from),
-                              CovarianceBlock(from, to),
-                              CovarianceBlock(to, to));
+  LOCI_CHECK(IsThere(from) && IsThere(to));
+  return RelativeCovarianceOf(
+      from,
+      to,
+      Inverse(map_from_node(to)) * map_from_node(from),
+      kNone,
+      [this](std::uint32_t node) { return nodes_[node].variable; },
+      [this](std::span<const std::uint32_t> variables, const Eigen::MatrixXd& a) {
+        return tree_.InverseForm(variables, a);
+      });
 }
 
 PoseGraph IncrementalOptimizer::Graph() const {

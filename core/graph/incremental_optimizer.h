@@ -108,11 +108,9 @@ class IncrementalOptimizer {
   // Makes covariances those of the present linearisation, which they are after an Update that has
   // converged. False if something is not tied in all directions: there are none then.
   bool Factorise();
-  // A block of the covariance of all nodes' map_from_node * Exp(xi), (x, y, theta), relative to the
-  // nodes that are held. Costs the fronts above the two in the elimination tree.
-  Eigen::Matrix3d CovarianceBlock(std::uint32_t row, std::uint32_t column) const;
-  // Of from_from_to = Inverse(map_from_from) * map_from_to, as from_from_to * Exp(xi). For nodes of
-  // two components the answer says nothing about their relation, since both are held.
+  // Of from_from_to = Inverse(map_from_from) * map_from_to, as from_from_to * Exp(xi), (x, y,
+  // theta). Positive semidefinite; costs the fronts above the two in the elimination tree. For
+  // nodes of two components the answer says nothing about their relation, since both are held.
   Eigen::Matrix3d RelativeCovariance(std::uint32_t from, std::uint32_t to) const;
 
   // Nodes that Update may have moved since this was last called, each once.

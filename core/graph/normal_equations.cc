@@ -152,4 +152,9 @@ Eigen::MatrixXd NormalEquations::InverseBlock(std::uint32_t row, std::uint32_t c
   return tree_.InverseBlock(row, column);
 }
 
+Eigen::MatrixXd NormalEquations::InverseForm(std::span<const std::uint32_t> blocks,
+                                             const Eigen::MatrixXd& a) const {
+  return tree_.InverseForm(blocks, a);
+}
+
 }  // namespace loci

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
@@ -83,6 +84,10 @@ class NormalEquations {
   // The block (row, column) of (H + damping * D)^-1. Costs what stands above the two in the
   // elimination tree.
   Eigen::MatrixXd InverseBlock(std::uint32_t row, std::uint32_t column) const;
+  // a^T (H + damping * D)^-1 a for a matrix that has rows for these blocks only, in their order; no
+  // two of them equal. Positive semidefinite, whatever is rounded.
+  Eigen::MatrixXd InverseForm(std::span<const std::uint32_t> blocks,
+                              const Eigen::MatrixXd& a) const;
 
  private:
   static constexpr std::uint32_t kNone = EliminationTree::kNone;

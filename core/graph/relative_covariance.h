@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well the pose of one node relative to another is known, from how well the two are.
+// How well the pose of one node relative to another is known, from how well all are.
 #pragma once
+
+#include <cstdint>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -8,17 +11,36 @@
 
 namespace loci {
 
-// Covariance of from_from_to * Exp(xi), (x, y, theta), from those of the two nodes' poses in the
-// map, right perturbation: xi = xi_to - Adjoint(to_from_from) * xi_from, to first order.
-// `from_to` is the block of from's rows and to's columns.
-inline Eigen::Matrix3d RelativeCovarianceOf(const Pose2& to_from_from,
-                                            const Eigen::Matrix3d& from_from,
-                                            const Eigen::Matrix3d& from_to,
-                                            const Eigen::Matrix3d& to_to) {
-  const Eigen::Matrix3d adjoint = Adjoint(to_from_from);
-  const Eigen::Matrix3d sum = to_to + adjoint * from_from * adjoint.transpose() -
-                              adjoint * from_to - from_to.transpose() * adjoint.transpose();
-  return 0.5 * (sum + sum.transpose());
+// Covariance of from_from_to * Exp(xi), (x, y, theta), right perturbation: to first order,
+// xi = xi_to - Adjoint(to_from_from) * xi_from. From the covariance of both, it would be the
+// difference of what may be large, and be negative for rounding; `inverse_form(variables, a)` gives
+// a^T H^-1 a, H the information of all (EliminationTree::InverseForm). Nodes that are held have no
+// variable: `variable_of(node)` is `none`.
+template <typename VariableOf, typename InverseForm>
+Eigen::Matrix3d RelativeCovarianceOf(std::uint32_t from,
+                                     std::uint32_t to,
+                                     const Pose2& to_from_from,
+                                     std::uint32_t none,
+                                     const VariableOf& variable_of,
+                                     const InverseForm& inverse_form) {
+  std::vector<std::uint32_t> variables;
+  Eigen::MatrixXd a(6, 3);
+  Eigen::Index rows = 0;
+  const auto add = [&](std::uint32_t variable, const Eigen::Matrix3d& block) {
+    if (variable != none) {
+      variables.push_back(variable);
+      a.middleRows<3>(rows) = block;
+      rows += 3;
+    }
+  };
+  if (from != to) {
+    add(variable_of(from), -Adjoint(to_from_from).transpose());
+    add(variable_of(to), Eigen::Matrix3d::Identity());
+  }
+  if (rows == 0) {
+    return Eigen::Matrix3d::Zero();
+  }
+  return inverse_form(variables, a.topRows(rows));
 }
 
 }  // namespace loci

@@ -144,13 +144,15 @@ Eigen::Matrix3d GraphCovariance::Marginal(std::uint32_t node) {
 Eigen::Matrix3d GraphCovariance::Relative(std::uint32_t from, std::uint32_t to) {
   const std::vector<Pose2>& map_from_node = factor_->graph.map_from_node;
   LOCI_CHECK(from < map_from_node.size() && to < map_from_node.size());
-  if (from == to) {
-    return Eigen::Matrix3d::Zero();
-  }
-  return RelativeCovarianceOf(Inverse(map_from_node[to]) * map_from_node[from],
-                              factor_->Diagonal(from),
-                              factor_->Cross(from, to),
-                              factor_->Diagonal(to));
+  return RelativeCovarianceOf(
+      from,
+      to,
+      Inverse(map_from_node[to]) * map_from_node[from],
+      kHeldBlock,
+      [&](std::uint32_t node) { return factor_->problem.BlockOfNode(node); },
+      [&](std::span<const std::uint32_t> blocks, const Eigen::MatrixXd& a) {
+        return factor_->equations.InverseForm(blocks, a);
+      });
 }
 
 Eigen::MatrixXd GraphCovariance::Joint(std::span<const std::uint32_t> nodes) {

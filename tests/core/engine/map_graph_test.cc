@@ -3,6 +3,7 @@
 #include "core/engine/map_graph.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -208,6 +209,45 @@ TEST(MapGraphTest, WrongClosuresNeverEndAboveTheCostOfStandingStill) {
     batches += map.base_count() - bases;
   }
   EXPECT_GT(batches, 0U) << "the batch optimiser had to help, or this tests nothing";
+}
+
+TEST(MapGraphTest, TiesOfEveryCertaintyThatAnEventMayHaveAreTaken) {
+  // Standard deviations from 1e-7 to 1e3, m and rad, turned anyhow: event_validation.cc.
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    RandomSequence random(seed);
+    MapGraph map;
+    map.AddPlace({}, {});
+    for (std::uint32_t place = 1; place < 80; ++place) {
+      const double turn = random.NextUniform(-kPi, kPi);
+      Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
+      axes.topLeftCorner<2, 2>() << std::cos(turn), -std::sin(turn), std::sin(turn), std::cos(turn);
+      Eigen::Vector3d weights;
+      for (int i = 0; i < 3; ++i) {
+        weights(i) = std::pow(10.0, -2.0 * random.NextUniform(-7.0, 3.0));
+      }
+      const Eigen::Matrix3d information = axes * weights.asDiagonal() * axes.transpose();
+      const GraphConstraint tie{place - 1,
+                                place,
+                                RandomPose(random, 1000.0, kPi),
+                                0.5 * (information + information.transpose()),
+                                false};
+      map.AddPlace(map.map_from_place(PlaceId{place - 1}) * tie.from_from_to, tie);
+      if (place % 8 == 7) {
+        const std::uint32_t from = place / 2;
+        const Pose2 now =
+            Inverse(map.map_from_place(PlaceId{from})) * map.map_from_place(PlaceId{place});
+        map.AddClosures({{{from,
+                           place,
+                           now * Pose2{0.3, -0.2, 0.05},
+                           Eigen::Vector3d(1e4, 1e4, 1e5).asDiagonal(),
+                           true},
+                          ClosureId{place}}});
+      }
+      const Eigen::Matrix3d doubt = map.RelativeCovariance(PlaceId{0}, PlaceId{place});
+      EXPECT_TRUE(doubt.allFinite()) << seed << " " << place;
+      EXPECT_GE(doubt.diagonal().minCoeff(), 0.0) << seed << " " << place;
+    }
+  }
 }
 
 TEST(MapGraphTest, CovariancesAreThoseOfTheBatch) {

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
 #include "core/base/random.h"
 #include "tests/support/matchers.h"
@@ -135,6 +136,25 @@ TEST(CovarianceTest, InvertingTwiceAndCompoundingInAnyOrderChangeNothing) {
     const Covariance3 left = Compound(Compound(ab, b_from_c, bc), c_from_d, cd);
     const Covariance3 right = Compound(ab, b_from_c * c_from_d, Compound(bc, c_from_d, cd));
     EXPECT_LT((left.matrix() - right.matrix()).norm(), 1e-9 * left.matrix().norm());
+  }
+}
+
+TEST(CovarianceTest, RaisedToADoubtItIsNowhereBetterAndNowhereWorseThanItHasToBe) {
+  const Covariance3 good = Covariance3::FromSigmas(0.1, 0.2, 0.01);
+  EXPECT_EQ(good.AtLeast(0.1, 0.01).matrix(), good.matrix());
+  const Covariance3 mixed = Covariance3::FromSigmas(1e-7, 0.2, 1e-6).AtLeast(1e-3, 1e-4);
+  EXPECT_NEAR(mixed.matrix()(0, 0), 1e-6, 1e-15);
+  EXPECT_NEAR(mixed.matrix()(1, 1), 0.04, 1e-12);
+  EXPECT_NEAR(mixed.matrix()(2, 2), 1e-8, 1e-17);
+  RandomSequence random(5);
+  for (int i = 0; i < 200; ++i) {
+    const Covariance3 before = RandomCovariance(random, 1e-3);
+    const Covariance3 after = before.AtLeast(1e-3, 1e-3);
+    const auto least = [](const Eigen::Matrix3d& matrix) {
+      return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(matrix).eigenvalues().minCoeff();
+    };
+    EXPECT_GE(least(after.matrix()), 1e-6 * (1.0 - 1e-9));
+    EXPECT_GE(least(after.matrix() - before.matrix()), -1e-15);
   }
 }
 

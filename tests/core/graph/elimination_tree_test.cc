@@ -3,6 +3,7 @@
 #include "core/graph/elimination_tree.h"
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <map>
 #include <set>
@@ -145,7 +146,26 @@ class Problem {
       const Eigen::MatrixXd expected =
           inverse.block(offsets_[row], offsets_[column], sizes_[row], sizes_[column]);
       EXPECT_LT((block - expected).norm(), 1e-9 * inverse.norm());
+      if (row != column) {
+        ExpectDenseForm(row, column, inverse, random);
+      }
     }
+  }
+
+  void ExpectDenseForm(std::uint32_t first,
+                       std::uint32_t second,
+                       const Eigen::MatrixXd& inverse,
+                       RandomSequence& random) const {
+    Eigen::MatrixXd a(sizes_[first] + sizes_[second], 2);
+    Eigen::MatrixXd wide = Eigen::MatrixXd::Zero(inverse.rows(), 2);
+    for (Eigen::Index i = 0; i < a.size(); ++i) {
+      a(i) = random.NextUniform(-1.0, 1.0);
+    }
+    wide.middleRows(offsets_[first], sizes_[first]) = a.topRows(sizes_[first]);
+    wide.middleRows(offsets_[second], sizes_[second]) = a.bottomRows(sizes_[second]);
+    const std::array<std::uint32_t, 2> variables{first, second};
+    const Eigen::MatrixXd expected = wide.transpose() * inverse * wide;
+    EXPECT_LT((tree_.InverseForm(variables, a) - expected).norm(), 1e-9 * inverse.norm());
   }
 
   std::vector<double> Values() const {
