@@ -173,6 +173,13 @@ void EliminationTree::TouchAll() {
   }
 }
 
+void EliminationTree::ForgetTouched() {
+  for (const std::uint32_t variable : touched_) {
+    variables_[variable].touched = false;
+  }
+  touched_.clear();
+}
+
 void EliminationTree::RemoveTerm(std::uint32_t index) {
   for (const std::uint32_t variable : VariablesOf(terms_[index])) {
     std::uint32_t* link = &variables_[variable].first_use;
@@ -244,11 +251,15 @@ void EliminationTree::Order() {
 
 bool EliminationTree::EliminateAll() {
   eliminated_count_ = 0;
-  TouchAll();
   structure_changed_ = structure_changed_ || !is_in_one_order_;
   complements_are_kept_ = false;
   stack_size_ = 0;
-  FindAffectedAndReorder({});
+  if (!structure_changed_ && affected_.size() + free_fronts_.size() == fronts_.size()) {
+    ForgetTouched();  // all fronts were affected before, and are again
+  } else {
+    TouchAll();
+    FindAffectedAndReorder({});
+  }
   return EliminateAffected(false);
 }
 
@@ -262,10 +273,7 @@ void EliminationTree::FindAffectedAndReorder(std::span<const std::uint32_t> last
     Reorder(last);
     flops_in_one_order_ = is_in_one_order_ ? flops_ : std::min(flops_in_one_order_, flops_);
   }
-  for (const std::uint32_t variable : touched_) {
-    variables_[variable].touched = false;
-  }
-  touched_.clear();
+  ForgetTouched();
   structure_changed_ = false;
 }
 

@@ -59,7 +59,8 @@ class EliminationTree {
   // Brings the factorisation up to date. What is concerned is eliminated the later the fewer terms
   // are between it and the variables of `last`, these at the very end: what is likely to change
   // next is cheap then. False, and the factorisation stays open, if the terms do not determine
-  // every variable.
+  // every variable: if so little is left of one of its numbers on the diagonal, when its turn
+  // comes, that it may be rounding.
   bool Eliminate(std::span<const std::uint32_t> last);
   // The same for those who set all terms anew each time: in less room, and faster for that, since
   // no Schur complement is kept. The next Eliminate, if there is one, concerns all fronts.
@@ -129,6 +130,7 @@ class EliminationTree {
   }
   void Touch(std::uint32_t variable);
   void TouchAll();
+  void ForgetTouched();
   static double FlopsOf(const Front& front);
   std::span<const std::uint32_t> RowsOf(const Front& front) const {
     return std::span(front.variables).subspan(front.eliminated);
@@ -147,6 +149,8 @@ class EliminationTree {
   std::uint32_t NewFront();
   void FindAffectedAndReorder(std::span<const std::uint32_t> last);
   bool EliminateAffected(bool keep_complements);
+  void AddDiagonalOf(std::uint32_t variable, double* diagonal) const;
+  bool IsDetermined(const Front& front);
   bool EliminateFront(Front& front, bool keep_complement);
   void Assemble(const Front& front, bool complements_are_kept);
   void FindRuns(std::span<const std::uint32_t> variables);
@@ -201,6 +205,7 @@ class EliminationTree {
   std::size_t stack_size_ = 0;
   bool complements_are_kept_ = true;
   std::vector<double> x_;
+  double diagonal_max_ = 0.0;  // of all terms so far
 };
 
 }  // namespace loci

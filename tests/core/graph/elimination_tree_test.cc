@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 
 #include "core/base/random.h"
@@ -400,6 +401,63 @@ TEST(EliminationTreeTest, WhatIsNotDeterminedIsToldAndMendedByATermThatSaysIt) {
   problem.Anchor(loose);
   ASSERT_TRUE(problem.tree().Eliminate({}));
   problem.ExpectDenseSolution();
+}
+
+// The term w (R_b x_b - R_a x_a)^T (R_b x_b - R_a x_a) / 2 of two variables of three numbers, R
+// rotations: it says nothing of both together.
+void SetDifference(std::uint32_t term, double w, RandomSequence& random, EliminationTree& tree) {
+  Eigen::Matrix<double, 3, 6> jacobian = Eigen::Matrix<double, 3, 6>::Zero();
+  for (const int begin : {0, 3}) {
+    const Eigen::Vector4d axis =
+        Eigen::Vector4d::NullaryExpr([&](Eigen::Index) { return random.NextUniform(-1.0, 1.0); });
+    jacobian.middleCols<3>(begin) = Eigen::Quaterniond(axis.normalized()).toRotationMatrix();
+  }
+  jacobian.leftCols<3>() *= -1.0;
+  const Eigen::Matrix<double, 6, 6> h = w * jacobian.transpose() * jacobian;
+  double* values = tree.SetTerm(term);
+  for (int column = 0; column < 6; ++column) {
+    for (int row = column; row < 6; ++row) {
+      values[column * 7 + row] = h(row, column);
+    }
+    values[column * 7 + 6] = 1.0;
+  }
+}
+
+// A chain of `count` variables tied by `stiffness`, and its first by `tie` to where it is.
+bool IsChainDetermined(std::uint64_t seed, int count, double stiffness, double tie) {
+  RandomSequence random(seed);
+  EliminationTree tree;
+  std::vector<std::uint32_t> chain;
+  for (int i = 0; i < count; ++i) {
+    chain.push_back(tree.AddVariable(3));
+  }
+  for (std::size_t i = 1; i < chain.size(); ++i) {
+    const std::vector<std::uint32_t> variables{chain[i - 1], chain[i]};
+    SetDifference(tree.AddTerm(variables), stiffness, random, tree);
+  }
+  const std::vector<std::uint32_t> first{chain.front()};
+  double* values = tree.SetTerm(tree.AddTerm(first));
+  for (int k = 0; k < 3; ++k) {
+    values[k * 5] = tie;
+  }
+  return tree.Eliminate({});
+}
+
+// What the elimination of a chain without a tie leaves is rounding: positive as often as not.
+TEST(EliminationTreeTest, RoundingOfLargeNumbersDeterminesNothing) {
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    for (const double stiffness : {1.0, 1e4, 1e12}) {
+      EXPECT_FALSE(IsChainDetermined(seed, 12, stiffness, 0.0)) << seed << ", " << stiffness;
+      EXPECT_TRUE(IsChainDetermined(seed, 12, stiffness, stiffness)) << seed << ", " << stiffness;
+    }
+  }
+}
+
+TEST(EliminationTreeTest, ATieThatIsATrillionTimesWeakerDetermines) {
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    EXPECT_TRUE(IsChainDetermined(seed, 12, 1e12, 1.0)) << seed;
+    EXPECT_TRUE(IsChainDetermined(seed, 12, 1.0, 1e-12)) << seed;
+  }
 }
 
 TEST(EliminationTreeTest, TheSameCallsGiveTheSameBits) {
