@@ -325,12 +325,11 @@ StatusOr<NodeMarginal> SparseMarginal(const PoseGraph& graph,
                                       const Star& star,
                                       const MarginalOptions& options) {
   const Quadratic& exact = star.marginal;
-  const Eigen::Index rank = RankOf(exact.h, star.scale);
-  if (rank < exact.b.size()) {
-    return RefuseTree(star, rank, options);
+  const RankedInverse covariance = PseudoInverse(exact.h, star.scale);
+  if (covariance.rank < exact.b.size()) {
+    return RefuseTree(star, covariance.rank, options);
   }
-  const Eigen::MatrixXd covariance = PseudoInverse(exact.h, star.scale);
-  const NeighbourTree tree(graph, star.neighbours, covariance);
+  const NeighbourTree tree(graph, star.neighbours, covariance.inverse);
   const Eigen::MatrixXd edges_from_neighbours = tree.FromNeighbours();
   const Eigen::VectorXd b = edges_from_neighbours.transpose().partialPivLu().solve(exact.b);
   NodeMarginal result;

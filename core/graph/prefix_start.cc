@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/base/check.h"
 #include "core/graph/recording_order.h"
 #include "core/graph/sparse_optimizer.h"
 
@@ -106,6 +107,8 @@ class PrefixGraph {
 }  // namespace
 
 void PlaceByPrefixes(std::size_t batch_count, PoseGraph& graph) {
+  LOCI_CHECK(batch_count > 0);
+  LOCI_CHECK(graph.joint_constraints.empty());
   PrefixGraph prefix(graph);
   bool closed_loop = false;
   while (prefix.size() < graph.map_from_node.size()) {

@@ -10,7 +10,8 @@ namespace loci {
 
 // Places nodes in the order of their index: each by a constraint to an earlier one, then, after
 // every `batch_count` nodes, all so far are optimised. Costs many optimisations, and escapes minima
-// in which every start ends that trusts a long stretch of odometry.
+// in which every start ends that trusts a long stretch of odometry. Not for graphs with joint
+// constraints: PlaceAtStart gives it their implied pairs.
 void PlaceByPrefixes(std::size_t batch_count, PoseGraph& graph);
 
 }  // namespace loci

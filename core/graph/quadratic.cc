@@ -66,13 +66,10 @@ Eigen::VectorXd Minimum(const Quadratic& form, const Eigen::VectorXd& scale) {
   return ScaledEigenvalues(form.h, scale).PseudoInverse() * form.b;
 }
 
-Eigen::Index RankOf(const Eigen::MatrixXd& h, const Eigen::VectorXd& scale) {
-  return ScaledEigenvalues(h, scale).rank();
-}
-
-Eigen::MatrixXd PseudoInverse(const Eigen::MatrixXd& h, const Eigen::VectorXd& scale) {
-  const Eigen::MatrixXd inverse = ScaledEigenvalues(h, scale).PseudoInverse();
-  return 0.5 * (inverse + inverse.transpose());
+RankedInverse PseudoInverse(const Eigen::MatrixXd& h, const Eigen::VectorXd& scale) {
+  const ScaledEigenvalues values(h, scale);
+  const Eigen::MatrixXd inverse = values.PseudoInverse();
+  return {0.5 * (inverse + inverse.transpose()), values.rank()};
 }
 
 Quadratic MinimisedOverRest(const Quadratic& form, Eigen::Index kept) {

@@ -17,9 +17,12 @@ struct Quadratic {
 // counts as unknown: below 1e-12.
 Eigen::VectorXd Minimum(const Quadratic& form, const Eigen::VectorXd& scale);
 
-// Rank and pseudo-inverse of H, in the same sense.
-Eigen::Index RankOf(const Eigen::MatrixXd& h, const Eigen::VectorXd& scale);
-Eigen::MatrixXd PseudoInverse(const Eigen::MatrixXd& h, const Eigen::VectorXd& scale);
+// Pseudo-inverse and rank of H, in the same sense.
+struct RankedInverse {
+  Eigen::MatrixXd inverse;
+  Eigen::Index rank = 0;
+};
+RankedInverse PseudoInverse(const Eigen::MatrixXd& h, const Eigen::VectorXd& scale);
 
 // The form of the first `kept` variables that remains when the others take the value that is best
 // for each value of these (Schur complement). Directions that become unknown are exactly so: those

@@ -102,8 +102,7 @@ void ToroForest::Rebuild(const std::vector<Pose2>& map_from_node,
   }
 }
 
-// Costs a new start and a walk to the root from every node, but happens once for each tree. A fixed
-// root stays, otherwise the earlier one.
+// Costs a new start, but happens once for each tree. A fixed root stays, otherwise the earlier one.
 void ToroForest::JoinTrees(const Edge& edge, std::uint32_t from_root, std::uint32_t to_root) {
   std::vector<Pose2> poses = Poses();
   const bool move_to = !nodes_[to_root].fixed && (nodes_[from_root].fixed || from_root < to_root);
@@ -112,9 +111,11 @@ void ToroForest::JoinTrees(const Edge& edge, std::uint32_t from_root, std::uint3
   const Pose2 new_from_old = map_from_end * Inverse(poses[move_to ? edge.ends.to : edge.ends.from]);
   const std::uint32_t moving_root = move_to ? to_root : from_root;
   std::vector<bool> is_root(nodes_.size());
-  for (std::uint32_t i = 0; i < nodes_.size(); ++i) {
+  std::vector<bool> moves(nodes_.size());
+  for (const std::uint32_t i : TreeOrder()) {
     is_root[i] = nodes_[i].IsRoot() && i != moving_root;
-    if (RootOf(i) == moving_root) {
+    moves[i] = nodes_[i].IsRoot() ? i == moving_root : moves[nodes_[i].parent];
+    if (moves[i]) {
       poses[i] = new_from_old * poses[i];
     }
   }

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "core/graph/g2o_format.h"
+#include "core/graph/prefix_start.h"
 #include "core/graph/space_problem.h"
 #include "tests/core/graph/random_graph.h"
 #include "tests/core/graph/random_space_graph.h"
@@ -111,6 +112,15 @@ PoseGraph HalfTurns() {
                        {.from = 1, .to = 2, .from_from_to = {1.0, 0.0, kPi}},
                        {.from = 2, .to = 0, .from_from_to = {0.0, 0.0, 1e-3}}};
   return graph;
+}
+
+TEST(BestStartTest, PrefixesAreOfPairsOnlyAndHaveNodes) {
+  PoseGraph graph = RandomLoopGraph(3, 20);
+  EXPECT_DEATH(PlaceByPrefixes(0, graph), "batch_count");
+  PlaceByPrefixes(1, graph);
+  EXPECT_LT(Chi2(graph), Chi2(RandomLoopGraph(3, 20)));
+  graph.joint_constraints.emplace_back();
+  EXPECT_DEATH(PlaceByPrefixes(1, graph), "joint_constraints");
 }
 
 TEST(BestStartTest, TakesGraphsThatAreHardlyGraphs) {
