@@ -85,7 +85,7 @@ void RunTiny() {
 void RunAll() {
   for (const Case& each : {Case{"manhattanOlson3500", GraphStart::kOdometry, true},
                            Case{"MIT", GraphStart::kTree, true},
-                           Case{"city10000", GraphStart::kTree},
+                           Case{"city10000", GraphStart::kTree, true},
                            Case{"intel_g2o", GraphStart::kGiven},
                            Case{"parking-garage", GraphStart::kGiven},
                            Case{"sphere2500", GraphStart::kGiven}}) {

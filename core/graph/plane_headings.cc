@@ -54,6 +54,9 @@ void PlaneProblem::LineariseHeadings(NormalEquations& headings) const {
 
 // Positions in the map tie a component's heading, too, but not in equations that have none.
 bool PlaneProblem::HeadingsAreTied() const {
+  if (graph_->pose_priors.empty() && graph_->position_priors.empty()) {
+    return true;  // a node of every component is held (FindGauge)
+  }
   const GraphComponents components = FindComponents(*graph_);
   std::vector<bool> tied(components.count);
   for (std::size_t i = 0; i < block_of_node_.size(); ++i) {
