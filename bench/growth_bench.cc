@@ -6,13 +6,16 @@
 // A robot wanders through Manhattan worlds of 10^3, 10^4 and 10^5 poses; the streets' area is in
 // proportion, so that places are seen as often. All but the last poses are optimised as a batch;
 // the last are added one by one, each brought to the optimum as it comes. Processor time of one
-// thread of those that close a loop. --svg plots it.
+// thread of those that close a loop, over three worlds of each size: what a closure costs depends
+// on where the robot is by then. --svg plots it.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <fstream>
+#include <numeric>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,6 +34,7 @@ constexpr double kSigmaM = 0.02;
 constexpr double kSigmaRad = 0.01;
 constexpr double kPosesPerCrossing = 4.0;
 constexpr std::uint32_t kMeasured = 500;  // poses that are added one by one
+constexpr std::uint64_t kWorlds = 3;
 
 // A robot that goes from crossing to crossing, a metre apart, and knows each crossing again.
 class Wanderer {
@@ -131,13 +135,19 @@ std::size_t Load(std::uint32_t poses, Wanderer& wanderer, IncrementalOptimizer& 
   return graph.constraints.size();
 }
 
-Point Measure(std::uint32_t poses) {
-  Wanderer wanderer(1, poses);
+// What all worlds of one size say.
+struct Measurement {
+  std::vector<double> seconds;  // of the closures
+  double constraints = 0.0;
+  double bytes = 0.0;
+};
+
+void MeasureWorld(std::uint64_t seed, std::uint32_t poses, Measurement& measurement) {
+  Wanderer wanderer(seed, poses);
   const double bytes_before = BytesInUse();
   IncrementalOptimizer optimizer((IncrementalOptions()));
   const std::uint32_t loaded = poses - kMeasured;
   std::size_t constraints = Load(loaded, wanderer, optimizer);
-  std::vector<double> seconds;
   for (std::uint32_t node = loaded; node < poses; ++node) {
     const std::vector<GraphConstraint> measured = wanderer.Step();
     constraints += measured.size();
@@ -148,29 +158,44 @@ Point Measure(std::uint32_t poses) {
     }
     optimizer.Update();
     if (measured.size() > 1) {
-      seconds.push_back(CpuSeconds() - begin);
+      measurement.seconds.push_back(CpuSeconds() - begin);
     }
   }
-  const double bytes = BytesInUse() - bytes_before;
-  double total = 0.0;
-  for (const double each : seconds) {
-    total += each;
+  measurement.bytes += BytesInUse() - bytes_before;
+  measurement.constraints += static_cast<double>(constraints);
+}
+
+double MeanMs(std::span<const double> seconds) {
+  const double total = std::accumulate(seconds.begin(), seconds.end(), 0.0);
+  return 1e3 * total / static_cast<double>(seconds.size());
+}
+
+Point Measure(std::uint32_t poses) {
+  Measurement all;
+  std::string means;  // of each world
+  for (std::uint64_t seed = 1; seed <= kWorlds; ++seed) {
+    const std::size_t before = all.seconds.size();
+    MeasureWorld(seed, poses, all);
+    std::array<char, 32> mean{};
+    std::snprintf(
+        mean.data(), mean.size(), " %.3f", MeanMs(std::span(all.seconds).subspan(before)));
+    means += mean.data();
   }
-  std::sort(seconds.begin(), seconds.end());
-  const auto count = static_cast<double>(seconds.size());
-  const Point point{static_cast<double>(poses), 1e3 * total / count};
+  const Point point{static_cast<double>(poses), MeanMs(all.seconds)};
+  std::sort(all.seconds.begin(), all.seconds.end());
+  const std::size_t count = all.seconds.size();
   std::printf(
-      "%7u poses, %7zu constraints: %6zu closures, mean %.3f  median %.3f  95 %% %.3f  max %.3f "
+      "%7u poses: %6zu closures, mean %.3f (of each world%s)  median %.3f  95 %% %.3f  max %.3f "
       "ms;  %.0f bytes a pose, %.0f a constraint\n",
       poses,
-      constraints,
-      seconds.size(),
+      count,
       point.mean_ms,
-      1e3 * seconds[seconds.size() / 2],
-      1e3 * seconds[seconds.size() * 95 / 100],
-      1e3 * seconds.back(),
-      bytes / point.poses,
-      bytes / static_cast<double>(constraints));
+      means.c_str(),
+      1e3 * all.seconds[count / 2],
+      1e3 * all.seconds[count * 95 / 100],
+      1e3 * all.seconds.back(),
+      all.bytes / static_cast<double>(kWorlds * poses),
+      all.bytes / all.constraints);
   std::fflush(stdout);
   return point;
 }
