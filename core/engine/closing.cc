@@ -24,7 +24,7 @@ Pose2 RelativePose(const Engine::State& state, PlaceId from, PlaceId to) {
   return Inverse(state.graph.map_from_place(from)) * state.graph.map_from_place(to);
 }
 
-UncertainPose2 RelativeEstimate(Engine::State& state, PlaceId from, PlaceId to) {
+UncertainPose2 RelativeEstimate(const Engine::State& state, PlaceId from, PlaceId to) {
   return {RelativePose(state, from, to), state.graph.RelativeCovariance(from, to)};
 }
 
@@ -34,9 +34,11 @@ UncertainPose2 MeasurementOf(const ClosureSnapshot& closure) {
 
 // Test 5, second half: does `other` say the same as `closure`, by way of the graph between their
 // ends? In a loop of four, the covariances of the two short sides count too.
-bool Agree(Engine::State& state, const ClosureSnapshot& closure, const ClosureSnapshot& other) {
+bool Agree(const Engine::State& state,
+           const ClosureSnapshot& closure,
+           const ClosureSnapshot& other) {
   if (RelativePose(state, closure.to, other.to).translation().norm() < kWitnessDistanceM ||
-      closure.to == other.to) {
+      closure.to == other.to || !state.graph.is_determined()) {
     return false;
   }
   const UncertainPose2 predicted =
@@ -46,8 +48,8 @@ bool Agree(Engine::State& state, const ClosureSnapshot& closure, const ClosureSn
 }
 
 // Whether the closure moves the map further than what the graph believes possible, or than a metre.
-bool IsLargeCorrection(Engine::State& state, const ClosureSnapshot& closure) {
-  if (closure.correction_m > kLargeCorrectionM) {
+bool IsLargeCorrection(const Engine::State& state, const ClosureSnapshot& closure) {
+  if (closure.correction_m > kLargeCorrectionM || !state.graph.is_determined()) {
     return true;
   }
   const UncertainPose2 estimate = RelativeEstimate(state, closure.from, closure.to);
@@ -140,6 +142,9 @@ std::uint64_t CellsWrittenSoFar(const Engine::State& state) {
 std::uint32_t CountMoved(const std::vector<Pose2>& before, const std::vector<Pose2>& after) {
   std::uint32_t count = 0;
   for (std::size_t i = 0; i < before.size(); ++i) {
+    if (before[i] == after[i]) {
+      continue;
+    }
     const Pose2 step = Inverse(before[i]) * after[i];
     count += step.translation().norm() > kMovedM || std::abs(step.theta) > kMovedRad ? 1U : 0U;
   }
@@ -167,7 +172,6 @@ bool FinishBatch(ClosureBatch& batch, Engine::State& state) {
     moved = true;
   }
   if (moved) {
-    state.chi2 = state.graph.chi2();
     MarkGraphChanged(state);
     state.mesh->MovePlaces(state.graph.map_from_places());
   }
@@ -255,7 +259,7 @@ void WorkOnClosures(SessionId session,
   if (batches.empty()) {
     return;
   }
-  const std::vector<Pose2> poses_before = state.graph.map_from_places();
+  std::vector<Pose2> poses_before;
   while (!batches.empty() && units > 0) {
     ClosureBatch& batch = batches.front();
     if (batch.next < batch.candidates.size()) {
@@ -264,6 +268,9 @@ void WorkOnClosures(SessionId session,
       --units;
     }
     if (batch.next == batch.candidates.size()) {
+      if (poses_before.empty() && !batch.found.empty()) {
+        poses_before = state.graph.map_from_places();
+      }
       effects.closure_accepted = FinishBatch(batch, state) || effects.closure_accepted;
       batches.erase(batches.begin());
     }

@@ -55,7 +55,7 @@ bool IsTiedBySequence(const Place& host, const Place& place) {
 }
 
 // Condition (a): tied to the host of every vertex under the footprint.
-bool IsTied(const Place& place, Engine::State& state) {
+bool IsTied(const Place& place, const Engine::State& state) {
   const std::vector<PlaceId> hosts =
       state.mesh->HostsUnder(place.stationary, state.graph.map_from_place(place.id));
   for (const PlaceId host : hosts) {

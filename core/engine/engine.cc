@@ -40,11 +40,14 @@ constexpr double kTieSigmaMinRad = 1e-4;
 // Of the next place to an older one.
 GraphConstraint TieTo(PlaceId from,
                       const Pose2& from_from_next,
-                      const Covariance3& covariance,
+                      const Eigen::Matrix3d& covariance,
                       const Engine::State& state) {
   const auto next = static_cast<std::uint32_t>(state.places.size());
-  const Covariance3 doubt = covariance.AtLeast(kTieSigmaMinM, kTieSigmaMinRad);
-  return {from.value, next, from_from_next, doubt.Information(), false};
+  return {from.value,
+          next,
+          from_from_next,
+          InformationOf(covariance, kTieSigmaMinM, kTieSigmaMinRad),
+          false};
 }
 
 // The next place, for the session, at a pose in the map that its tie to the graph says. The first
@@ -76,7 +79,7 @@ void FinishPlace(PlaceId id, Engine::State& state) {
 void StartNextPlace(SessionId id, std::uint64_t number, Engine::State& state) {
   SessionState& session = state.sessions[id.value];
   const PlaceId old_id = session.track.place;
-  const Covariance3 covariance =
+  const Eigen::Matrix3d covariance =
       HandOverCovariance(session.track,
                          state.places[old_id.value],
                          SeedOf(state.settings, id, number, kStageHandOver));
@@ -130,7 +133,7 @@ struct EventApplier {
     if (!state.places.empty()) {
       tie = TieTo(PlaceId{0},
                   Inverse(state.graph.map_from_place(PlaceId{0})) * event.map_from_start,
-                  Covariance3::FromSigmas(kStartSigmaM, kStartSigmaM, kStartSigmaRad),
+                  Covariance3::FromSigmas(kStartSigmaM, kStartSigmaM, kStartSigmaRad).matrix(),
                   state);
     }
     Place& place = AddPlace(id, event.map_from_start, tie, state);

@@ -18,7 +18,7 @@ constexpr double kOdometryStepMaxM = 1000.0;
 // Lasers sit on their robot.
 constexpr double kLaserOffsetMaxM = 100.0;
 // Eigenvalues of odometry covariances, for standard deviations from 1e-7 to 1e3 (m or rad): inside,
-// the inverse is exact enough to be positive definite again.
+// what sums of them tie can be solved (InformationOf in core/geometry/covariance.h).
 constexpr double kEigenvalueMin = 1e-14;
 constexpr double kEigenvalueMax = 1e6;
 // Finer than any laser, and coarse enough to divide by.

@@ -36,6 +36,11 @@ bool IsBefore(const MapConstraint& a, const MapConstraint& b) {
 // Further than any map reaches.
 constexpr double kUnknownM = 1e5;
 
+bool AreFinite(const std::vector<Pose2>& poses) {
+  return std::all_of(
+      poses.begin(), poses.end(), [](const Pose2& pose) { return pose.vector().allFinite(); });
+}
+
 Status MisfitError(const std::string& what) {
   return DataLossError("graph record: " + what);
 }
@@ -88,20 +93,24 @@ void MapGraph::Weigh(std::size_t index) {
 void MapGraph::Take(Step step) {
   LOCI_CHECK(CheckStep(step).ok());
   Add(step);
-  const std::vector<Pose2> poses_before = present_.map_from_node;
-  const bool is_place = step.kind == StepKind::kPlace;
-  const double cost_before = is_place ? 0.0 : Cost();
-  const bool converged = Optimise(step);
-  const bool is_worse =
-      !is_place && !(Cost() <= cost_before * (1.0 + kRelativeCostSlack) + kCostSlack);
   steps_.push_back(std::move(step));
-  if (!converged || is_worse) {
+  if (steps_.back().kind == StepKind::kPlace) {
+    Update();
+    return;
+  }
+  const std::vector<Pose2> poses_before = present_.map_from_node;
+  const double cost_before = Cost();
+  const bool converged = Update();
+  MovePlaces();
+  // Not so if the cost is no number.
+  const bool is_good = Cost() <= cost_before * (1.0 + kRelativeCostSlack) + kCostSlack;
+  if (!converged || !is_good) {
     present_.map_from_node = poses_before;
     OptimizeOptions options;
     options.sparse.kernel = ClosureKernel();
     LOCI_CHECK(OptimizeGraph(present_, options).ok());
     BeginBase();
-  } else if (steps_.size() == kStepsMax) {
+  } else if (steps_.size() >= kStepsMax) {
     SparseOptions options;
     options.kernel = ClosureKernel();
     OptimizeSparse(present_, options);
@@ -139,15 +148,6 @@ void MapGraph::Add(const Step& step) {
 bool MapGraph::Update() {
   const bool converged = optimizer_.Update().converged;
   is_determined_ = converged || optimizer_.Factorise();
-  return converged;
-}
-
-bool MapGraph::Optimise(const Step& step) {
-  const bool converged = Update();
-  // A place is added where its tie says. What moves then is rounding, and would look like news.
-  if (step.kind != StepKind::kPlace) {
-    MovePlaces();
-  }
   return converged;
 }
 
@@ -199,28 +199,48 @@ void MapGraph::LoadBase() {
   optimizer_.Load(present_);
   Update();
   MovePlaces();
+  if (!AreFinite(present_.map_from_node)) {  // as rounding may leave what is nearly singular
+    present_.map_from_node = base_poses_;
+    is_determined_ = false;
+  }
 }
 
+// Of what was read: the base is a graph of one piece, and what the steps bring is valid by itself.
 Status MapGraph::CheckBase() const {
   if (steps_base_ != base_count_) {
     return MisfitError("its steps follow another base");
   }
-  // What the steps bring is checked with it: of each constraint alone, whatever it is tied to.
+  PoseGraph tied;  // by other than closures
   PoseGraph all;
+  tied.map_from_node = base_poses_;
   all.map_from_node = base_poses_;
+  const auto add = [](const MapConstraint& each, PoseGraph& graph) {
+    graph.constraints.push_back(each.constraint);
+    return each.constraint.robust == each.closure.has_value();
+  };
+  bool only_closures_are_robust = true;
   for (const MapConstraint& each : base_constraints_) {
-    all.constraints.push_back(each.constraint);
+    only_closures_are_robust = add(each, all) && only_closures_are_robust;
+    if (!each.closure.has_value()) {
+      add(each, tied);
+    }
   }
   if (const Status valid = ValidateGraph(all); !valid.ok()) {
     return MisfitError(valid.message());
+  }
+  if (FindComponents(tied).count > 1) {
+    return MisfitError("its base is not of one piece");
   }
   for (const Step& step : steps_) {
     if (step.kind == StepKind::kPlace) {
       all.map_from_node.push_back(step.map_from_place);
     }
     for (const MapConstraint& each : step.constraints) {
-      all.constraints.push_back(each.constraint);
+      only_closures_are_robust = add(each, all) && only_closures_are_robust;
     }
+  }
+  if (!only_closures_are_robust) {
+    return MisfitError("takes a tie for a closure");
   }
   if (const Status valid = ValidateGraph(all); !valid.ok()) {
     return MisfitError(valid.message());
@@ -246,7 +266,12 @@ Status MapGraph::CheckStep(const Step& step) const {
       }
       return MisfitError("place " + std::to_string(places) + " is not tied to one before it");
     case StepKind::kClosures:
-      return names_places_below(places) ? Status() : MisfitError("a closure names a missing place");
+      return names_places_below(places) &&
+                     std::all_of(step.constraints.begin(),
+                                 step.constraints.end(),
+                                 [](const MapConstraint& each) { return each.closure.has_value(); })
+                 ? Status()
+                 : MisfitError("a closure names a missing place, or is none");
     case StepKind::kRemoval:
       return std::find(closures_.begin(), closures_.end(), step.removed) != closures_.end()
                  ? Status()
@@ -261,9 +286,12 @@ Status MapGraph::Restore() {
   for (const Step& step : steps_) {
     LOCI_RETURN_IF_ERROR(CheckStep(step));
     Add(step);
-    Optimise(step);
+    Update();
+    if (step.kind != StepKind::kPlace) {
+      MovePlaces();
+    }
   }
-  return {};
+  return AreFinite(present_.map_from_node) ? Status() : MisfitError("leads to no finite poses");
 }
 
 Eigen::Matrix3d MapGraph::RelativeCovariance(PlaceId from, PlaceId to) const {

@@ -24,13 +24,15 @@ struct MapConstraint {
 };
 
 // Node i is place i; place 0 is fixed. Kept at its optimum by an IncrementalOptimizer, where
-// closures pull less and less beyond three sigma, since they may be wrong. Where a step makes the
-// cost worse than it was, or does not converge, the batch optimiser takes its place.
+// closures pull less and less beyond three sigma, since they may be wrong. A place is added where
+// its tie says, and moves nothing. Where closures make the cost worse than it was, or do not
+// converge, the batch optimiser takes the place of the incremental one.
 //
 // An IncrementalOptimizer depends on how it came to where it is. So that a map that is read from
 // its records goes on with the same bits, the graph is written down as a base, from which an
-// optimiser can be made, and the steps since. After so many steps the present graph becomes the
-// base, in whose making the batch optimiser removes what linearisation has left.
+// optimiser can be made, and the steps since. With the first closures after so many steps the
+// present graph becomes the base, in whose making the batch optimiser removes what linearisation
+// has left.
 class MapGraph {
  public:
   MapGraph();
@@ -38,7 +40,7 @@ class MapGraph {
   // Of closures, which are marked robust.
   static RobustKernel ClosureKernel();
 
-  // Of places, at their optimum, and all constraints.
+  // Of places and all constraints, at the optimum that the last closures led to.
   const PoseGraph& graph() const { return present_; }
   const Pose2& map_from_place(PlaceId place) const { return present_.map_from_node[place.value]; }
   const std::vector<Pose2>& map_from_places() const { return present_.map_from_node; }
@@ -56,6 +58,9 @@ class MapGraph {
   // Must be there.
   void RemoveClosure(ClosureId closure);
 
+  // False where ties are so unlike that rounding has made their equations singular: places stand
+  // still then, and nothing is known of how they lie to each other.
+  bool is_determined() const { return is_determined_; }
   // Of from_from_to * Exp(xi), (x, y, theta).
   Eigen::Matrix3d RelativeCovariance(PlaceId from, PlaceId to) const;
 
@@ -68,6 +73,7 @@ class MapGraph {
   void StepFields(Archive& archive) {
     archive(steps_, steps_base_);
   }
+  bool is_empty() const { return base_poses_.empty() && steps_.empty(); }
   // How often the base has changed.
   std::uint64_t base_count() const { return base_count_; }
   // Makes the graph from a base and steps that were read. Errors: kDataLoss, they do not fit.
@@ -90,7 +96,6 @@ class MapGraph {
   void Take(Step step);
   void Add(const Step& step);
   bool Update();
-  bool Optimise(const Step& step);
   void MovePlaces();
   void Weigh(std::size_t constraint);
   void BeginBase();
@@ -112,8 +117,6 @@ class MapGraph {
   std::vector<double> chi2s_;                       // per constraint
   std::vector<double> costs_;                       // per constraint: the same by the kernel
   IncrementalOptimizer optimizer_;
-  // False where ties are so unlike that rounding has made their equations singular: the incremental
-  // optimiser stands still then, and nothing is known of how places lie to each other.
   bool is_determined_ = true;
 };
 

@@ -199,6 +199,7 @@ Digest Engine::StateDigest() const {
   HeaderFields(archive, *state_);
   state_->graph.BaseFields(archive);
   state_->graph.StepFields(archive);
+  archive(state_->graph.map_from_places());  // which follow, and are what the rest stands on
   archive(state_->closures, state_->places, state_->sessions);
   for (const SessionState& session : state_->sessions) {
     for (const auto& piece : session.pieces) {
@@ -275,7 +276,10 @@ StatusOr<Engine> Engine::FromRecords(const std::vector<StateRecord>& records) {
     LOCI_RETURN_IF_ERROR(ReadRecord(record, state));
   }
   if (state.last_event.value == 0) {
-    return engine;
+    const bool is_empty = state.places.empty() && state.sessions.empty() &&
+                          state.closures.empty() && state.graph.is_empty();
+    return is_empty ? StatusOr<Engine>(std::move(engine))
+                    : DataLossError("header record: counts no event where there is content");
   }
   LOCI_RETURN_IF_ERROR(ReadPieces(records, state));
   LOCI_RETURN_IF_ERROR(state.graph.Restore());

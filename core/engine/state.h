@@ -60,7 +60,6 @@ struct Engine::State {
   std::vector<Place> places;           // by PlaceId
   MapGraph graph;
   std::vector<ClosureSnapshot> closures;  // by ClosureId
-  double chi2 = 0.0;
   // Finished places that are to be looked at for consolidation; the last is the next.
   std::vector<PlaceId> consolidation_queue;
   std::optional<Mesh> mesh;  // from the map's creation on

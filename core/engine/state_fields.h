@@ -28,10 +28,10 @@ void Fields(Archive& archive, SessionState& session) {
   archive(session.batches, session.newest, session.piece_count);
 }
 
-// What is neither a place, a session, a closure nor the mesh.
+// What is neither a place, a session, a closure, the graph nor the mesh.
 template <typename Archive>
 void HeaderFields(Archive& archive, Engine::State& state) {
-  archive(state.last_event, state.settings, state.cells_integrated, state.cells_closed, state.chi2);
+  archive(state.last_event, state.settings, state.cells_integrated, state.cells_closed);
   archive(state.consolidation_queue);
 }
 

@@ -82,7 +82,7 @@ std::shared_ptr<const Snapshot> Engine::TakeSnapshot() {
     snapshot->cells_written.remesh = state.mesh->cells_remeshed();
   }
   snapshot->closures_accepted = static_cast<std::uint32_t>(state.graph.closure_count());
-  snapshot->chi2 = state.chi2;
+  snapshot->chi2 = state.graph.chi2();
   return snapshot;
 }
 

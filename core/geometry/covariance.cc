@@ -41,22 +41,26 @@ Covariance3 Covariance3::FromSigmas(double sigma_x_m, double sigma_y_m, double s
   return Covariance3(sigmas.cwiseAbs2().asDiagonal());
 }
 
-Covariance3 Covariance3::AtLeast(double sigma_m, double sigma_rad) const {
-  const Eigen::Vector3d sigmas(sigma_m, sigma_m, sigma_rad);
-  const Eigen::Matrix3d scaled =
-      sigmas.cwiseInverse().asDiagonal() * matrix_ * sigmas.cwiseInverse().asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scaled);
-  if (solver.eigenvalues().minCoeff() >= 1.0) {
-    return *this;
-  }
-  const Eigen::Matrix3d raised = solver.eigenvectors() *
-                                 solver.eigenvalues().cwiseMax(1.0).asDiagonal() *
-                                 solver.eigenvectors().transpose();
-  return Covariance3(Symmetrized(sigmas.asDiagonal() * raised * sigmas.asDiagonal()));
-}
-
 Eigen::Matrix3d Covariance3::Information() const {
   return Symmetrized(matrix_.inverse());
+}
+
+Eigen::Matrix3d InformationOf(const Eigen::Matrix3d& covariance,
+                              double sigma_min_m,
+                              double sigma_min_rad) {
+  // Up to this ratio the plain inverse is positive definite, whatever is rounded.
+  constexpr double kRatioMax = 1e10;
+  const Eigen::Vector3d scale(1.0 / sigma_min_m, 1.0 / sigma_min_m, 1.0 / sigma_min_rad);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scale.asDiagonal() * covariance *
+                                                              scale.asDiagonal());
+  const Eigen::Vector3d& values = solver.eigenvalues();
+  if (values.minCoeff() >= 1.0 && values.maxCoeff() <= kRatioMax) {
+    return Symmetrized(covariance.inverse());
+  }
+  const Eigen::Matrix3d information = solver.eigenvectors() *
+                                      values.cwiseMax(1.0).cwiseInverse().asDiagonal() *
+                                      solver.eigenvectors().transpose();
+  return Symmetrized(scale.asDiagonal() * information * scale.asDiagonal());
 }
 
 Eigen::Matrix3d SymmetricFromUpper(const std::array<double, 6>& upper) {

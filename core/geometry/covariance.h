@@ -24,9 +24,6 @@ class Covariance3 {
   static Covariance3 FromSigmas(double sigma_x_m, double sigma_y_m, double sigma_theta_rad);
 
   const Eigen::Matrix3d& matrix() const { return matrix_; }
-  // The same where no direction is known better than an ellipse of these half axes, and at least
-  // that doubt where one is. Itself, to the last bit, if it is nowhere better.
-  Covariance3 AtLeast(double sigma_m, double sigma_rad) const;
   // The inverse, symmetric.
   Eigen::Matrix3d Information() const;
 
@@ -34,6 +31,14 @@ class Covariance3 {
   explicit Covariance3(const Eigen::Matrix3d& matrix) : matrix_(matrix) {}
   Eigen::Matrix3d matrix_;
 };
+
+// The inverse of a covariance, symmetric and positive semidefinite, where nothing counts as known
+// better than an ellipse of these half axes. `covariance` is symmetric; rounding may have spoiled
+// it as far as doubts go that are as unlike as a millimetre and a turn of a thousand radians at a
+// kilometre.
+Eigen::Matrix3d InformationOf(const Eigen::Matrix3d& covariance,
+                              double sigma_min_m,
+                              double sigma_min_rad);
 
 // The symmetric matrix whose upper triangle, row by row, is given.
 Eigen::Matrix3d SymmetricFromUpper(const std::array<double, 6>& upper);

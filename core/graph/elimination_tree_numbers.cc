@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The numbers of the fronts: elimination, solution and blocks of the inverse.
+// The numbers of the fronts: elimination and solution.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <map>
 
 #include "core/graph/dense_front.h"
 #include "core/graph/elimination_tree.h"

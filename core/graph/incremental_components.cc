@@ -147,6 +147,7 @@ void IncrementalOptimizer::MoveTogether(const std::vector<std::uint32_t>& nodes,
   std::set<std::uint32_t> points;
   for (const std::uint32_t node : nodes) {
     graph_.map_from_node[node] = map_from_old * graph_.map_from_node[node];
+    RememberMoved(node);
     for (const std::uint32_t index : nodes_[node].point_constraints) {
       points.insert(graph_.point_constraints[index].point);
     }

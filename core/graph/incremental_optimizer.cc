@@ -454,13 +454,10 @@ bool IncrementalOptimizer::Reweigh(std::span<const std::uint32_t> solved) {
   return any;
 }
 
-void IncrementalOptimizer::RememberMoved(std::span<const std::uint32_t> solved) {
-  for (const std::uint32_t variable : solved) {
-    const Owner owner = owners_[variable];
-    if (!owner.is_point && !has_moved_[owner.index]) {
-      has_moved_[owner.index] = true;
-      moved_nodes_.push_back(owner.index);
-    }
+void IncrementalOptimizer::RememberMoved(std::uint32_t node) {
+  if (!has_moved_[node]) {
+    has_moved_[node] = true;
+    moved_nodes_.push_back(node);
   }
 }
 
@@ -483,7 +480,11 @@ UpdateSummary IncrementalOptimizer::Update() {
     summary.eliminated += tree_.eliminated_count();
     moved.clear();
     tree_.Solve(options_.step_min, moved);
-    RememberMoved(moved);
+    for (const std::uint32_t variable : moved) {
+      if (!owners_[variable].is_point) {
+        RememberMoved(owners_[variable].index);
+      }
+    }
     const bool reweighed = Reweigh(moved);
     std::erase_if(moved, [this](std::uint32_t variable) { return !HasMoved(variable); });
     if (moved.empty() && !reweighed) {

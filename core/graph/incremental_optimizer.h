@@ -113,7 +113,7 @@ class IncrementalOptimizer {
   // nodes of two components the answer says nothing about their relation, since both are held.
   Eigen::Matrix3d RelativeCovariance(std::uint32_t from, std::uint32_t to) const;
 
-  // Nodes that Update may have moved since this was last called, each once.
+  // Nodes that may have moved since this was last called, each once.
   std::vector<std::uint32_t> TakeMovedNodes();
 
   Pose2 map_from_node(std::uint32_t node) const;
@@ -184,7 +184,7 @@ class IncrementalOptimizer {
   double PresentWeight(std::uint32_t constraint) const;
   double PresentPointWeight(std::uint32_t constraint) const;
   bool Reweigh(std::span<const std::uint32_t> solved);
-  void RememberMoved(std::span<const std::uint32_t> solved);
+  void RememberMoved(std::uint32_t node);
   void RemakeTermsOf(std::uint32_t node);
   void Detach(std::uint32_t constraint, ConstraintState state);
   void AddJoint(JointConstraint joint);

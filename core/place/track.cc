@@ -275,19 +275,18 @@ bool WantsNewPlace(const Track& track, const PlaceSettings& settings) {
   return track.driven_m >= length_m || track.unmatched > kUnmatchedMax;
 }
 
-Covariance3 HandOverCovariance(const Track& track, const Place& place, std::uint64_t seed) {
+Eigen::Matrix3d HandOverCovariance(const Track& track, const Place& place, std::uint64_t seed) {
   // What the last key scan says is true of where it was taken; further on, odometry's doubt counts.
   const bool is_blind = HasMoved(track.matched_from_robot, kKeyStepM, kKeyStepRad);
   if (track.unmatched > 0 || track.recent_keys.empty() || is_blind) {
-    StatusOr<Covariance3> predicted = Covariance3::FromMatrix(track.covariance, "track");
-    LOCI_CHECK(predicted.ok());  // sums of positive definite matrices
-    return *predicted;
+    return track.covariance;
   }
   SamplingOptions options;
   options.seed = seed;
   const KeyScan& last = track.recent_keys.back();
   return SampleMatchCovariance(
-      last.points_in_robot, last.place_from_robot, place.patch, track.likelihood, options);
+             last.points_in_robot, last.place_from_robot, place.patch, track.likelihood, options)
+      .matrix();
 }
 
 Pose2 HandOver(Place& next, Track& track) {

@@ -86,8 +86,9 @@ std::uint64_t TakeScan(const LaserScan& scan,
 bool WantsNewPlace(const Track& track, const PlaceSettings& settings);
 
 // How certain the robot's pose in its place is: SCRIM's sampled covariance of the last key scan
-// where that was matched and is near; the predicted covariance where not.
-Covariance3 HandOverCovariance(const Track& track, const Place& place, std::uint64_t seed);
+// where that was matched and is near; the predicted covariance where not, which is symmetric, and
+// positive definite but for rounding.
+Eigen::Matrix3d HandOverCovariance(const Track& track, const Place& place, std::uint64_t seed);
 
 // Continues in `next`, an empty place whose frame is the robot's present pose: the recent key scans
 // go into it as reference content. Returns the robot's pose in the old place, the new one's frame.

@@ -10,7 +10,9 @@
 #include <gtest/gtest.h>
 
 #include "core/engine/engine.h"
+#include "core/engine/event.h"
 #include "tests/support/loop_world.h"
+#include "tests/support/matchers.h"
 
 namespace loci {
 namespace {
@@ -285,6 +287,35 @@ TEST(MappingTest, WhatIsSeenAfterADriveWithoutScansCanBeStored) {
     EXPECT_EQ(reloaded->StateDigest(), engine.StateDigest());
     engine.Apply(CloseSessionEvent{SessionId{0}});
     EXPECT_TRUE(Engine::FromRecords(engine.ChangesSince(EventNumber{0}).written).ok());
+  }
+}
+
+TEST(MappingTest, OdometryOfEveryCertaintyThatAnEventMayHaveIsMapped) {
+  // Without scans, so that places are tied by odometry alone: a turn by nobody knows how much, and
+  // steps that are known to a tenth of a micrometre.
+  for (const double step_m : {5.0, 50.0, 999.0}) {
+    for (const double variance_rad2 : {1.0, 1e4, 1e6}) {
+      Engine engine;
+      engine.Apply(CreateMapEvent{MapSettings{}});
+      engine.Apply(OpenSessionEvent{"exact", "robot", {}});
+      for (std::uint64_t i = 1; i <= 300; ++i) {
+        ObservationEvent event;
+        event.number = i;
+        event.stamp_ns = static_cast<std::int64_t>(i);
+        const double direction = 0.7 * static_cast<double>(i);
+        event.odometry =
+            i % 2 == 1 ? Odometry{{}, {1e-14, 0.0, 0.0, 1e-14, 0.0, variance_rad2}}
+                       : Odometry{{step_m * std::cos(direction), step_m * std::sin(direction), 0.1},
+                                  {1e-14, 0.0, 0.0, 1e-14, 0.0, 1e-14}};
+        ASSERT_THAT(ValidateObservation(event, "observation"), IsOk());
+        engine.Apply(event);
+      }
+      engine.Apply(CloseSessionEvent{SessionId{0}});
+      const StatusOr<Engine> reloaded =
+          Engine::FromRecords(engine.ChangesSince(EventNumber{0}).written);
+      ASSERT_THAT(reloaded, IsOk());
+      EXPECT_EQ(reloaded->StateDigest(), engine.StateDigest());
+    }
   }
 }
 

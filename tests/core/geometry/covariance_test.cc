@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/geometry/covariance.h"
 
+#include <cmath>
 #include <limits>
 
 #include <gtest/gtest.h>
@@ -139,22 +140,44 @@ TEST(CovarianceTest, InvertingTwiceAndCompoundingInAnyOrderChangeNothing) {
   }
 }
 
-TEST(CovarianceTest, RaisedToADoubtItIsNowhereBetterAndNowhereWorseThanItHasToBe) {
+double LeastEigenvalue(const Eigen::Matrix3d& matrix) {
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(matrix).eigenvalues().minCoeff();
+}
+
+TEST(CovarianceTest, NothingCountsAsKnownBetterThanTheLeastDoubt) {
   const Covariance3 good = Covariance3::FromSigmas(0.1, 0.2, 0.01);
-  EXPECT_EQ(good.AtLeast(0.1, 0.01).matrix(), good.matrix());
-  const Covariance3 mixed = Covariance3::FromSigmas(1e-7, 0.2, 1e-6).AtLeast(1e-3, 1e-4);
-  EXPECT_NEAR(mixed.matrix()(0, 0), 1e-6, 1e-15);
-  EXPECT_NEAR(mixed.matrix()(1, 1), 0.04, 1e-12);
-  EXPECT_NEAR(mixed.matrix()(2, 2), 1e-8, 1e-17);
+  EXPECT_EQ(InformationOf(good.matrix(), 0.1, 0.01), good.Information());
+  const Eigen::Matrix3d mixed =
+      InformationOf(Covariance3::FromSigmas(1e-7, 0.2, 1e-6).matrix(), 1e-3, 1e-4);
+  EXPECT_NEAR(mixed(0, 0), 1e6, 1e-3);
+  EXPECT_NEAR(mixed(1, 1), 25.0, 1e-6);
+  EXPECT_NEAR(mixed(2, 2), 1e8, 1e-1);
   RandomSequence random(5);
   for (int i = 0; i < 200; ++i) {
     const Covariance3 before = RandomCovariance(random, 1e-3);
-    const Covariance3 after = before.AtLeast(1e-3, 1e-3);
-    const auto least = [](const Eigen::Matrix3d& matrix) {
-      return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(matrix).eigenvalues().minCoeff();
-    };
-    EXPECT_GE(least(after.matrix()), 1e-6 * (1.0 - 1e-9));
-    EXPECT_GE(least(after.matrix() - before.matrix()), -1e-15);
+    const Eigen::Matrix3d after = InformationOf(before.matrix(), 1e-3, 1e-3);
+    EXPECT_GE(LeastEigenvalue(before.Information() - after), -1e-9 * after.norm());
+    EXPECT_LE(after.norm(), 3e6);
+  }
+}
+
+TEST(CovarianceTest, TheInformationOfDoubtsThatRoundingSpoilsIsPositiveSemidefinite) {
+  // A robot that turned it knows not how far, and then drove a long way: what the eigenvalues have
+  // in digits is more than a double has.
+  for (const double step_m : {5.0, 50.0, 1000.0}) {
+    for (const double variance_rad2 : {1.0, 1e4, 1e6}) {
+      for (int i = 0; i < 100; ++i) {
+        const double direction = 0.0628 * i;
+        Eigen::Matrix3d turned = Eigen::Vector3d(1e-14, 1e-14, variance_rad2).asDiagonal();
+        const Pose2 step{step_m * std::cos(direction), step_m * std::sin(direction), 0.3};
+        const Eigen::Matrix3d adjoint = Adjoint(Inverse(step));
+        turned = adjoint * turned * adjoint.transpose() + 1e-14 * Eigen::Matrix3d::Identity();
+        const Eigen::Matrix3d information =
+            InformationOf(0.5 * (turned + turned.transpose()), 1e-3, 1e-4);
+        EXPECT_TRUE(information.allFinite());
+        EXPECT_GE(LeastEigenvalue(information), -1e-12 * information.norm());
+      }
+    }
   }
 }
 

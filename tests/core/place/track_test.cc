@@ -186,7 +186,7 @@ TEST(TrackTest, ARobotThatDroveBlindDoesNotClaimToBeCertainAtHandOver) {
   for (int i = 0; i < 20; ++i) {
     Predict({0.1, 0.0, 0.0}, Covariance3::FromSigmas(0.05, 0.05, 0.02).matrix(), run.track);
   }
-  const Eigen::Matrix3d covariance = HandOverCovariance(run.track, run.place, 1).matrix();
+  const Eigen::Matrix3d covariance = HandOverCovariance(run.track, run.place, 1);
   EXPECT_GE(covariance(0, 0), 20 * 0.05 * 0.05);
 }
 
