@@ -17,8 +17,22 @@ namespace {
 constexpr double kGrowthMax = 2.0;
 // Of fewer variables than this all fronts are small, in whatever order.
 constexpr std::size_t kVariablesForRings = 256;
+// Rings spare the next closures work, and may cost this one so many times what least fill would; of
+// fewer variables the difference is not worth a second order.
+constexpr double kRingCostMax = 2.0;
+constexpr std::size_t kVariablesForComparison = 256;
 // The search for distances gives up when it has seen this many times what it looks for.
 constexpr std::size_t kVisitsPerOpen = 64;
+
+// Of eliminating all, in cubes of a variable's size.
+double CostOf(const SymbolicTree& tree) {
+  double cost = 0.0;
+  for (const SymbolicFront& front : tree.fronts) {
+    const auto size = static_cast<double>(front.columns + front.rows);
+    cost += front.columns * size * size;
+  }
+  return cost;
+}
 
 }  // namespace
 
@@ -339,10 +353,16 @@ void EliminationTree::Reorder(std::span<const std::uint32_t> last) {
   // An order of the whole stands for long, wherever the next changes are.
   const bool by_rings =
       !last_open.empty() && !is_in_one_order_ && variables_.size() >= kVariablesForRings;
-  const SymbolicTree tree =
+  SymbolicTree tree =
       AnalyseElimination(graph,
                          by_rings ? OrderByRings(graph, RingsAround(last_open, open))
                                   : EliminationOrder(graph, last_open));
+  if (by_rings && open.size() >= kVariablesForComparison) {
+    SymbolicTree of_least_fill = AnalyseElimination(graph, EliminationOrder(graph, last_open));
+    if (CostOf(tree) > kRingCostMax * CostOf(of_least_fill)) {
+      tree = std::move(of_least_fill);
+    }
+  }
 
   RemoveAffected();
   MakeFronts(tree, open);
