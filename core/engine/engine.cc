@@ -32,8 +32,8 @@ Eigen::Matrix3d CovarianceOf(const std::array<double, 6>& upper) {
   return matrix;
 }
 
-// Nothing that a robot says of its motion is taken to be better: next to a tie that knows nearly
-// nothing, the graph's equations would be lost in rounding.
+// Nothing that a robot says of its motion is taken to be better, nor worse than 100 m and 10 rad:
+// next to each other, the graph's equations would be lost in rounding.
 constexpr double kTieSigmaMinM = 1e-3;
 constexpr double kTieSigmaMinRad = 1e-4;
 

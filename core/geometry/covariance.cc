@@ -48,8 +48,7 @@ Eigen::Matrix3d Covariance3::Information() const {
 Eigen::Matrix3d InformationOf(const Eigen::Matrix3d& covariance,
                               double sigma_min_m,
                               double sigma_min_rad) {
-  // Up to this ratio the plain inverse is positive definite, whatever is rounded.
-  constexpr double kRatioMax = 1e10;
+  constexpr double kRatioMax = 1e10;  // of variances
   const Eigen::Vector3d scale(1.0 / sigma_min_m, 1.0 / sigma_min_m, 1.0 / sigma_min_rad);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scale.asDiagonal() * covariance *
                                                               scale.asDiagonal());
@@ -57,9 +56,9 @@ Eigen::Matrix3d InformationOf(const Eigen::Matrix3d& covariance,
   if (values.minCoeff() >= 1.0 && values.maxCoeff() <= kRatioMax) {
     return Symmetrized(covariance.inverse());
   }
-  const Eigen::Matrix3d information = solver.eigenvectors() *
-                                      values.cwiseMax(1.0).cwiseInverse().asDiagonal() *
-                                      solver.eigenvectors().transpose();
+  const Eigen::Matrix3d information =
+      solver.eigenvectors() * values.cwiseMax(1.0).cwiseMin(kRatioMax).cwiseInverse().asDiagonal() *
+      solver.eigenvectors().transpose();
   return Symmetrized(scale.asDiagonal() * information * scale.asDiagonal());
 }
 

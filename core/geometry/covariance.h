@@ -32,10 +32,10 @@ class Covariance3 {
   Eigen::Matrix3d matrix_;
 };
 
-// The inverse of a covariance, symmetric and positive semidefinite, where nothing counts as known
-// better than an ellipse of these half axes. `covariance` is symmetric; rounding may have spoiled
-// it as far as doubts go that are as unlike as a millimetre and a turn of a thousand radians at a
-// kilometre.
+// The inverse of a covariance, where nothing counts as known better than an ellipse of these half
+// axes, nor worse than one that is 1e5 times as large: what is then tied to each other can be
+// solved in double precision. `covariance` is symmetric; it may have been positive definite before
+// it was rounded. The inverse is symmetric and positive definite.
 Eigen::Matrix3d InformationOf(const Eigen::Matrix3d& covariance,
                               double sigma_min_m,
                               double sigma_min_rad);
