@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <string>
 #include <utility>
 
@@ -27,6 +28,15 @@ void ForEachOnce(std::vector<std::uint32_t>& indices, const Visit& visit) {
   std::sort(indices.begin(), indices.end());
   indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
   std::for_each(indices.begin(), indices.end(), visit);
+}
+
+template <typename Constraint>
+void AppendRobust(const std::vector<std::uint32_t>& indices,
+                  const std::vector<Constraint>& constraints,
+                  std::vector<std::uint32_t>& robust) {
+  std::copy_if(indices.begin(), indices.end(), std::back_inserter(robust), [&](std::uint32_t i) {
+    return constraints[i].robust;
+  });
 }
 
 }  // namespace
@@ -420,18 +430,13 @@ bool IncrementalOptimizer::Reweigh(std::span<const std::uint32_t> solved) {
   std::vector<std::uint32_t> point_constraints;
   for (const std::uint32_t variable : solved) {
     const Owner owner = owners_[variable];
-    if (!owner.is_point) {
-      for (const std::uint32_t index : nodes_[owner.index].constraints) {
-        if (graph_.constraints[index].robust) {
-          constraints.push_back(index);
-        }
-      }
-    }
-    for (const std::uint32_t index : owner.is_point ? points_[owner.index].point_constraints
-                                                    : nodes_[owner.index].point_constraints) {
-      if (graph_.point_constraints[index].robust) {
-        point_constraints.push_back(index);
-      }
+    if (owner.is_point) {
+      AppendRobust(
+          points_[owner.index].point_constraints, graph_.point_constraints, point_constraints);
+    } else {
+      AppendRobust(
+          nodes_[owner.index].point_constraints, graph_.point_constraints, point_constraints);
+      AppendRobust(nodes_[owner.index].constraints, graph_.constraints, constraints);
     }
   }
   bool any = false;
